@@ -1,0 +1,32 @@
+"""Settings of rigs and drives as validated values: what a file must say, with units and bounds.
+
+Reading files is `hil.configfile`'s work; here is only what they mean.
+"""
+
+from hil.config.actuator import Actuator, DriveNode, LegMass, Screw
+from hil.config.bus import Bus, Can, Imu, Noise
+from hil.config.control import Control, CueLimits, Mode, Parking, Safety
+from hil.config.geometry import AxisGeometry, MotorcycleGeometry, StewartGeometry
+from hil.config.rig import Body, Effect, RigFile
+
+__all__ = [
+    "Actuator",
+    "AxisGeometry",
+    "Body",
+    "Bus",
+    "Can",
+    "Control",
+    "CueLimits",
+    "DriveNode",
+    "Effect",
+    "Imu",
+    "LegMass",
+    "Mode",
+    "MotorcycleGeometry",
+    "Noise",
+    "Parking",
+    "RigFile",
+    "Safety",
+    "Screw",
+    "StewartGeometry",
+]

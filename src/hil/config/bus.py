@@ -1,0 +1,89 @@
+"""The bus: its timing as model and twin reckon with it, and the interface that carries it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from hil.config.base import NonNegative, Positive, Settings
+
+
+class Bus(Settings):
+    """Nominal timing of setpoints and answers."""
+
+    schedule: Literal["parameter", "fast"] = Field(
+        "parameter",
+        description="parameter: one parameter pair a drive and cycle, quantities take turns; "
+        "fast: every quantity of every drive each cycle",
+    )
+    cycle: Annotated[float, Field(ge=0.0005, le=0.1)] = Field(
+        0.01, description="period of setpoints and slots, s"
+    )
+    jitter: NonNegative = Field(0.0003, description="standard deviation of setpoint send times, s")
+    setpoint_delay: NonNegative = Field(
+        0.0006, description="setpoint frame sent to drive acting on it, s"
+    )
+    answer_delay: NonNegative = Field(0.001, description="drive's sample instant to its answer, s")
+    answer_jitter: NonNegative = Field(6e-5, description="standard deviation of that, s")
+    interpolation: Literal["linear", "hold"] = Field(
+        "linear", description="how the drive goes from setpoint to setpoint"
+    )
+    stagger: NonNegative = Field(
+        0.0011, description="start of one drive's slot after the one before it (parameter), s"
+    )
+    retimed: bool = Field(
+        False, description="the drive buffers one cycle and plays on its own clock"
+    )
+    position_loop: Positive = Field(0.001, description="period of the drive's position loop, s")
+    speed_loop: Positive = Field(0.00025, description="period of the drive's speed loop, s")
+    pattern: Annotated[
+        tuple[Literal["position", "velocity", "force", "current"], ...], Field(min_length=1)
+    ] = Field(
+        ("position", "force"), description="what successive parameter slots of a drive ask for"
+    )
+
+
+class Can(Settings):
+    """The interface behind the bus."""
+
+    url: str = Field(
+        "socketcan:can0",
+        description="socketcan:IFACE, hub:SOCKET_PATH or python-can:INTERFACE:CHANNEL",
+    )
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = Field(
+        500_000, description="bit rate, bit/s"
+    )
+    imu_base_id: Annotated[int, Field(ge=0x001, le=0x7F0)] = Field(
+        0x0A0,
+        description="identifier of the IMU node's gyro frame; accelerometer frame is one above",
+    )
+
+
+class Imu(Settings):
+    """The platform's inertial sensor: where it sits and how fast it is."""
+
+    position: tuple[float, float, float] = Field(description="in the platform frame, m")
+    orientation: tuple[float, float, float] = Field(
+        (0.0, 0.0, 0.0), description="roll, pitch, yaw of the sensor in the platform frame, rad"
+    )
+    rate: Positive = Field(200.0, description="samples a second, Hz")
+    bandwidth: Positive = Field(150.0, description="its low-pass filter, second order, Hz")
+    delay: NonNegative = Field(0.0, description="group delay left in its answers, s")
+
+
+class Noise(Settings):
+    """Noise (standard deviation) and quantisation steps of the sensors, as simulated and as expected."""
+
+    position: NonNegative = Field(2e-5, description="m")
+    velocity: NonNegative = Field(2e-3, description="m/s")
+    force: NonNegative = Field(5.0, description="N")
+    current: NonNegative = Field(0.02, description="A")
+    gyro: NonNegative = Field(0.002, description="rad/s")
+    accel: NonNegative = Field(0.03, description="m/s²")
+    position_step: NonNegative = Field(1e-6, description="m")
+    velocity_step: NonNegative = Field(1e-4, description="m/s")
+    force_step: NonNegative = Field(1.0, description="N")
+    current_step: NonNegative = Field(0.01, description="A")
+    gyro_step: NonNegative = Field(0.0002, description="rad/s")
+    accel_step: NonNegative = Field(0.005, description="m/s²")

@@ -1,0 +1,93 @@
+"""Reads rig files: finds them, and turns what is wrong with them into sentences."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from hil.config.base import Settings
+from hil.config.rig import RigFile
+from hil.errors import ConfigError
+
+S = TypeVar("S", bound=Settings)
+
+
+def data_folder(name: str) -> Path:
+    """The folder `configs` or `drives` that comes with hil, installed or in a checkout."""
+    installed = Path(__file__).parent / "_data" / name
+    return installed if installed.is_dir() else Path(__file__).parents[2] / name
+
+
+def find_rig_file(name: str) -> Path:
+    """The rig file called `name`: a path, or the bare name of one that comes with hil."""
+    path = Path(name)
+    if path.is_file():
+        return path
+    shipped = data_folder("configs") / f"{path.stem}.toml"
+    if path.name in (path.stem, shipped.name) and len(path.parts) == 1 and shipped.is_file():
+        return shipped
+    known = ", ".join(sorted(p.stem for p in data_folder("configs").glob("*.toml")))
+    raise ConfigError(f"{name}: no such rig file; those that come with hil are {known}")
+
+
+def load_rig(name: str | Path) -> RigFile:
+    """Read and check a rig file; ConfigError names file, key and bound."""
+    path = find_rig_file(str(name))
+    return load_settings(path, RigFile)
+
+
+def load_settings(path: Path, model: type[S]) -> S:
+    """Read a TOML file into `model`; ConfigError names file, key and bound."""
+    return parse_settings(read_toml(path), model, str(path))
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file; ConfigError where it cannot be read or is no TOML."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: is no TOML: {error}") from error
+
+
+def parse_settings(tables: dict[str, Any], model: type[S], source: str) -> S:
+    """Check `tables` against `model`; every fault becomes one line of the ConfigError."""
+    try:
+        return model.model_validate(tables)
+    except ValidationError as error:
+        lines = [f"{source}: {_sentence(dict(fault), tables)}" for fault in error.errors()]
+        raise ConfigError("\n".join(lines)) from error
+
+
+def _sentence(fault: dict[str, Any], tables: dict[str, Any]) -> str:
+    key = _dotted(fault["loc"], tables)
+    if fault["type"] == "extra_forbidden":
+        return f"{key} is not a key that hil knows"
+    if fault["type"] == "missing":
+        return f"{key} is missing"
+    text = str(fault["msg"]).removeprefix("Value error, ")
+    text = text[0].lower() + text[1:]
+    value = fault.get("input")
+    shown = f" (got {value!r})" if isinstance(value, str | int | float | bool) else ""
+    return f"{key}: {text}{shown}" if key else text
+
+
+def _dotted(location: tuple[Any, ...], tables: Any) -> str:
+    """`actuators[1] (leg2).viscous` from pydantic's location, dropping names of union members."""
+    parts: list[str] = []
+    here: Any = tables
+    for item in location:
+        if isinstance(item, int):
+            here = here[item] if isinstance(here, list | tuple) and item < len(here) else None
+            name = here.get("name") if isinstance(here, dict) else None
+            parts[-1:] = [f"{parts[-1] if parts else ''}[{item}]" + (f" ({name})" if name else "")]
+        elif isinstance(here, dict) and item not in here and item is not location[-1]:
+            continue
+        else:
+            here = here.get(item) if isinstance(here, dict) else None
+            parts.append(str(item))
+    return ".".join(parts)
