@@ -1,0 +1,43 @@
+# Two commands: `make run` sets up and runs the demo; `make test` sets up and passes the tests.
+PYTHON ?= python3.11
+VENV   := .venv
+BIN    := $(VENV)/bin
+
+.DEFAULT_GOAL := help
+.PHONY: help run test lint types imports check bench clean
+
+help: ## what can be made
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-9s %s\n", $$1, $$2}'
+
+$(VENV)/run.stamp: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
+
+$(VENV)/dev.stamp: $(VENV)/run.stamp
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+run: $(VENV)/run.stamp ## the simulated motorcycle rig, the daemon and a riding client, for a minute
+	$(BIN)/hil demo
+
+test: $(VENV)/dev.stamp ## all tests that need no root and no SocketCAN
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+lint: $(VENV)/dev.stamp ## style
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/dev.stamp ## static types
+	$(BIN)/mypy
+
+imports: $(VENV)/dev.stamp ## imports go down only
+	$(BIN)/lint-imports
+
+check: lint types imports test ## all of the above
+
+bench: $(VENV)/dev.stamp ## the measured figures, as tables
+	$(BIN)/python -m benchmarks
+
+clean: ## forget the environment and caches
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,0 +1,89 @@
+"""`hil config`: check a rig file, show it resolved, print its JSON schema."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from hil.cli.console import JsonFlag, RigArgument, complain, out, write_json
+from hil.config import RigFile
+from hil.config.base import Settings
+from hil.configfile import find_rig_file, load_rig
+from hil.errors import ConfigError
+
+app = typer.Typer(help="Rig files: everything about a rig in one TOML file.", no_args_is_help=True)
+
+
+@app.command()
+def check(rig: RigArgument, json: JsonFlag = False) -> None:
+    """Read a rig file and say what is wrong with it, or that nothing is. Exit code 1 if it is wrong."""
+    try:
+        loaded = load_rig(rig)
+    except ConfigError as error:
+        if json:
+            write_json({"ok": False, "faults": str(error).splitlines()})
+        else:
+            complain(str(error))
+        raise typer.Exit(1) from error
+    if json:
+        write_json({"ok": True, "name": loaded.name, "kind": loaded.kind})
+    else:
+        out.print(
+            f"{find_rig_file(rig)}: {loaded.name} is a {loaded.kind} with "
+            f"{len(loaded.actuators)} actuator{'s' if len(loaded.actuators) > 1 else ''}; no fault found"
+        )
+
+
+@app.command()
+def show(rig: RigArgument, json: JsonFlag = False) -> None:
+    """Show every setting of a rig with its value, defaults filled in, and what it means."""
+    loaded = load_rig(rig)
+    if json:
+        write_json(loaded.model_dump(mode="json"))
+        return
+    table = Table("key", "value", "meaning", title=f"{loaded.name} ({loaded.kind})")
+    for key, value, meaning in _rows(loaded, ""):
+        table.add_row(escape(key), escape(value), escape(meaning))
+    out.print(table)
+
+
+@app.command()
+def schema(
+    rig: Annotated[
+        str | None,
+        typer.Argument(metavar="[RIG]", help="Narrow the schema to the kind of this rig file."),
+    ] = None,
+) -> None:
+    """Print the JSON schema of rig files, for editors that complete and check TOML."""
+    described = RigFile.model_json_schema()
+    if rig is not None:
+        loaded = load_rig(rig)
+        geometry = type(loaded.geometry).__name__
+        described["properties"]["kind"] = {"const": loaded.kind}
+        described["properties"]["geometry"] = {"$ref": f"#/$defs/{geometry}"}
+    write_json(described)
+
+
+def _rows(model: Settings, prefix: str) -> list[tuple[str, str, str]]:
+    rows: list[tuple[str, str, str]] = []
+    for name, field in type(model).model_fields.items():
+        if field.exclude:
+            continue
+        value, key = getattr(model, name), f"{prefix}{name}"
+        if isinstance(value, Settings):
+            rows += _rows(value, f"{key}.")
+        elif isinstance(value, tuple) and value and isinstance(value[0], Settings):
+            for index, item in enumerate(value):
+                rows += _rows(item, f"{key}[{getattr(item, 'name', index)}].")
+        else:
+            rows.append((key, _plain(value), field.description or ""))
+    return rows
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_plain(v) for v in value) + "]"
+    return "–" if value is None else str(value)
