@@ -1,0 +1,180 @@
+"""The socket between control and gateway process: never blocks, drops and counts instead.
+
+The pair is SOCK_SEQPACKET: datagrams with their borders kept, like SOCK_DGRAM, and in addition each
+side learns at once that the other has died, which a datagram socket would not tell a reader.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+from collections.abc import Sequence
+from typing import Final
+
+from hil.daemon.records import (
+    POSES_PER_RECORD,
+    CueRecord,
+    Record,
+    SampleRecord,
+)
+from hil.daemon.wire import datagram, decode, encode
+from hil.errors import ProtocolError
+from hil.signals import Cue, Sample, TimedPose
+
+MAX_DATAGRAM: Final = 32 * 1024
+BUFFER_BYTES: Final = 4 * 1024 * 1024
+"""Asked of the kernel, which grants at most net.core.wmem_max; half a second of a busy rig fits."""
+
+
+def socket_pair() -> tuple[socket.socket, socket.socket]:
+    """Two connected sockets, one for each process; a child is given its end's file descriptor."""
+    return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+
+class Channel:
+    """One end of the socket. `send` and `receive` return at once, whatever the peer does."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
+        self._socket = sock
+        self.dropped = 0
+        """Records that found the peer's queue full or the peer gone."""
+        self.malformed = 0
+        """Datagrams that were not understood."""
+        self.is_open = True
+        """False once the peer has closed its end or died."""
+
+    def fileno(self) -> int:
+        """File descriptor, for `loop.add_reader`."""
+        return self._socket.fileno()
+
+    def send(self, *records: Record) -> int:
+        """Send records, in order, in as few datagrams as hold them; returns how many were lost."""
+        dropped = 0
+        batch: list[bytes] = []
+        size = 0
+        for encoded in map(encode, records):
+            if size + len(encoded) > MAX_DATAGRAM:
+                dropped += self._send(batch)
+                batch, size = [], 0
+            batch.append(encoded)
+            size += len(encoded)
+        if batch:
+            dropped += self._send(batch)
+        self.dropped += dropped
+        return dropped
+
+    def _send(self, batch: Sequence[bytes]) -> int:
+        try:
+            self._socket.send(datagram(batch), socket.MSG_NOSIGNAL)
+        except BlockingIOError:
+            return len(batch)
+        except (BrokenPipeError, ConnectionError):
+            self.is_open = False
+            return len(batch)
+        except OSError as error:
+            if error.errno != errno.ENOBUFS:  # as good as a full queue
+                raise
+            return len(batch)
+        return 0
+
+    def receive(self, most: int = 64) -> list[Record]:
+        """Records that wait, from at most `most` datagrams; empty if there are none."""
+        records: list[Record] = []
+        for _ in range(most):
+            try:
+                raw = self._socket.recv(MAX_DATAGRAM + 2)
+            except BlockingIOError:
+                break
+            except ConnectionError:
+                raw = b""
+            if not raw:
+                self.is_open = False
+                break
+            try:
+                records += decode(raw)
+            except ProtocolError:
+                self.malformed += 1
+        return records
+
+    def close(self) -> None:
+        """Close this end; the peer's `is_open` becomes false."""
+        self.is_open = False
+        self._socket.close()
+
+
+class Sources:
+    """Turns samples into records and back: records name sources by their index in the rig file."""
+
+    def __init__(self, actuator_names: Sequence[str]) -> None:
+        self.names = (*actuator_names, "imu")
+        self._index = {name: i for i, name in enumerate(self.names)}
+
+    def record(self, sample: Sample) -> SampleRecord:
+        """The record of `sample`; ProtocolError if the rig has no such source."""
+        if sample.source not in self._index:
+            raise ProtocolError(f"{sample.source!r} is none of {', '.join(self.names)}")
+        return SampleRecord(
+            self._index[sample.source],
+            sample.quantity,
+            sample.value,
+            sample.sampled_s,
+            sample.received_s,
+        )
+
+    def sample(self, record: SampleRecord) -> Sample:
+        """The sample in `record`; ProtocolError if the rig has no such source."""
+        if record.source >= len(self.names):
+            raise ProtocolError(f"source {record.source} is none of the rig's {len(self.names)}")
+        return Sample(
+            self.names[record.source],
+            record.quantity,
+            record.value,
+            record.sampled_s,
+            record.received_s,
+        )
+
+
+def split_cue(cue: Cue) -> list[CueRecord]:
+    """The records that carry `cue`, of at most 16 poses each."""
+    poses = [(pose.dt_s, pose.pose) for pose in cue.poses]
+    parts = [
+        tuple(poses[k : k + POSES_PER_RECORD]) for k in range(0, len(poses), POSES_PER_RECORD)
+    ] or [()]
+    return [
+        CueRecord(cue.client, cue.seq, cue.t_client_s, cue.received_s, part, len(parts), held)
+        for part, held in enumerate(parts)
+    ]
+
+
+class CueJoiner:
+    """Joins the parts of a cue again. A cue that lacks a part is dropped whole."""
+
+    def __init__(self) -> None:
+        self._parts: list[CueRecord] = []
+        self.dropped = 0
+        """Parts that came to nothing because another part of their cue was lost."""
+
+    def add(self, record: CueRecord) -> Cue | None:
+        """The cue if `record` completes one, else None."""
+        if self._parts and not _follows(self._parts[-1], record):
+            self.dropped += len(self._parts)
+            self._parts = []
+        if not self._parts and record.part != 0:
+            self.dropped += 1
+            return None
+        self._parts.append(record)
+        if len(self._parts) < record.parts:
+            return None
+        poses = tuple(TimedPose(dt_s, pose) for part in self._parts for dt_s, pose in part.poses)
+        self._parts = []
+        return Cue(record.client, record.seq, record.t_client_s, record.received_s, poses)
+
+
+def _follows(last: CueRecord, record: CueRecord) -> bool:
+    return (
+        record.part == last.part + 1
+        and (record.client, record.seq, record.parts) == (last.client, last.seq, last.parts)
+        and record.received_s == last.received_s
+    )

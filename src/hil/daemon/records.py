@@ -1,0 +1,161 @@
+"""What control and gateway process tell each other, as values.
+
+Times are seconds of CLOCK_MONOTONIC, which both processes share; values are SI, and NaN stands for
+"not known". `hil.daemon.wire` gives the bytes of each.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal, NamedTuple
+
+from hil.frames import Frame
+from hil.signals import IMU_QUANTITIES
+
+MAX_AXES: Final = 6
+"""Coordinates of a pose and actuators of a rig, at most."""
+POSES_PER_RECORD: Final = 16
+"""Timed poses that one CueRecord holds; longer cues travel in parts."""
+
+RIG_STATES: Final = (
+    "offline",
+    "preparing",
+    "parked",
+    "ready",
+    "engaged",
+    "parking",
+    "fault",
+    "emergency",
+)
+QUANTITIES: Final = ("position", "velocity", "force", "current", *IMU_QUANTITIES)
+KINDS: Final = ("position", "force")
+SEVERITIES: Final = ("info", "warning", "fault")
+
+_NAN = float("nan")
+
+
+class FrameRecord(NamedTuple):
+    """A frame that was received (`is_sent` false) or sent at `t_s`."""
+
+    t_s: float
+    is_sent: bool
+    frame: Frame
+
+
+class ActuatorState(NamedTuple):
+    """What is known of an actuator: m, m/s, N or rad, rad/s, N·m; `age_s` of its last position."""
+
+    setpoint: float = _NAN
+    position: float = _NAN
+    velocity: float = _NAN
+    force: float = _NAN
+    age_s: float = _NAN
+
+
+class StateRecord(NamedTuple):
+    """The rig at `t_s`: one a control cycle."""
+
+    t_s: float
+    state: str
+    pose: tuple[float, ...]
+    """Observed pose, in the rig's order of coordinates, m or rad."""
+    setpoint: tuple[float, ...]
+    """Pose that the loop aims at, same order."""
+    actuators: tuple[ActuatorState, ...]
+    tracking_error: float = _NAN
+    """Largest |setpoint - position| of the actuators, m or rad."""
+    lateness_s: float = 0.0
+    """How late this cycle began."""
+    cycles: int = 0
+    overruns: int = 0
+    slots: int = 0
+    pairs: int = 0
+    """Slots in which a drive answered the parameter it was asked for."""
+    bus_load: float = _NAN
+    """Share of the bus's bit time in use, 0..1."""
+    fault: str = ""
+
+
+class SampleRecord(NamedTuple):
+    """A measured value; `source` counts the rig's actuators, the IMU comes after the last one."""
+
+    source: int
+    quantity: str
+    value: float
+    sampled_s: float
+    received_s: float
+
+
+class SetpointRecord(NamedTuple):
+    """A setpoint that went out to a drive at `t_s`."""
+
+    t_s: float
+    actuator: int
+    kind: str
+    value: float
+
+
+class CueShapedRecord(NamedTuple):
+    """What the cue became after limits and gain: pose and its first two derivatives."""
+
+    t_s: float
+    pose: tuple[float, ...]
+    velocity: tuple[float, ...]
+    acceleration: tuple[float, ...]
+
+
+class EventRecord(NamedTuple):
+    """An event; `name` keeps 48 bytes, `text` 240."""
+
+    t_s: float
+    severity: Literal["info", "warning", "fault"]
+    name: str
+    text: str
+
+
+class ReplyRecord(NamedTuple):
+    """The answer to the CommandRecord with the same id; `text` keeps 240 bytes."""
+
+    command_id: int
+    ok: bool
+    text: str
+
+
+class CueRecord(NamedTuple):
+    """Part `part` of `parts` of a cue: up to 16 poses, each (dt_s, pose)."""
+
+    client: str
+    seq: int
+    t_client_s: float
+    received_s: float
+    part: int
+    parts: int
+    poses: tuple[tuple[float, tuple[float, ...]], ...]
+
+
+class CommandRecord(NamedTuple):
+    """A command to control, with its argument as text (48 bytes at most)."""
+
+    command_id: int
+    name: str
+    argument: str = ""
+
+
+class GatewayAlive(NamedTuple):
+    """The gateway's heartbeat."""
+
+    t_s: float
+    is_recording: bool
+
+
+Record = (
+    FrameRecord
+    | StateRecord
+    | SampleRecord
+    | SetpointRecord
+    | CueShapedRecord
+    | EventRecord
+    | ReplyRecord
+    | CueRecord
+    | CommandRecord
+    | GatewayAlive
+)
