@@ -28,6 +28,7 @@ RIG_STATES: Final = (
 )
 QUANTITIES: Final = ("position", "velocity", "force", "current", *IMU_QUANTITIES)
 KINDS: Final = ("position", "force")
+DRIVE_PHASES: Final = ("absent", "logged_on", "configured", "ready", "enabled", "fault")
 SEVERITIES: Final = ("info", "warning", "fault")
 
 _NAN = float("nan")
@@ -61,10 +62,10 @@ class StateRecord(NamedTuple):
     setpoint: tuple[float, ...]
     """Pose that the loop aims at, same order."""
     actuators: tuple[ActuatorState, ...]
-    tracking_error: float = _NAN
-    """Largest |setpoint - position| of the actuators, m or rad."""
     lateness_s: float = 0.0
     """How late this cycle began."""
+    period_s: float = 0.0
+    """Time since the cycle before this one began."""
     cycles: int = 0
     overruns: int = 0
     slots: int = 0
@@ -94,6 +95,16 @@ class SetpointRecord(NamedTuple):
     value: float
 
 
+class DriveRecord(NamedTuple):
+    """A drive's status, sent when it changes; `error` keeps 120 bytes, empty where there is none."""
+
+    t_s: float
+    actuator: int
+    phase: str
+    enabled: bool
+    error: str = ""
+
+
 class CueShapedRecord(NamedTuple):
     """What the cue became after limits and gain: pose and its first two derivatives."""
 
@@ -113,7 +124,7 @@ class EventRecord(NamedTuple):
 
 
 class ReplyRecord(NamedTuple):
-    """The answer to the CommandRecord with the same id; `text` keeps 240 bytes."""
+    """The answer to the CommandRecord with the same id; `text` keeps 960 bytes."""
 
     command_id: int
     ok: bool
@@ -152,6 +163,7 @@ Record = (
     | StateRecord
     | SampleRecord
     | SetpointRecord
+    | DriveRecord
     | CueShapedRecord
     | EventRecord
     | ReplyRecord
