@@ -142,7 +142,7 @@ MESSAGES = [
         {"roll": 0.1},
         {"roll": 0.11},
         {"leg1": ActuatorState(0.6, 0.0, 120.0, 0.004), "leg2": ActuatorState()},
-        {"roll": 0.01},
+        0.01,
         "",
         2e-5,
         0.01,

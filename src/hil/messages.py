@@ -49,8 +49,9 @@ class ActuatorState(Struct, frozen=True, omit_defaults=True):
 class StateMessage(Struct, frozen=True):
     """The rig: `hil/<rig>/state`, topic `/state`. `fault` is empty where there is none.
 
-    `pose` is the measured pose, `setpoint` the one asked for now, `tracking_error` setpoint - pose,
-    each by coordinate and empty until known. `lateness_s` is how late the loop woke for this cycle,
+    `pose` is the measured pose, `setpoint` the one asked for now, each by coordinate and empty until
+    known. `tracking_error` is the largest |setpoint - position| of the actuators, m or rad, 0 until
+    they all have answered. `lateness_s` is how late the loop woke for this cycle,
     `period_s` the cycle just measured, `overruns` the cycles missed since start, `slot_use` the
     share of parameter slots that carried a pair, `bus_load` the share of bit times used.
     """
@@ -60,7 +61,7 @@ class StateMessage(Struct, frozen=True):
     pose: dict[str, float]
     setpoint: dict[str, float]
     actuators: dict[str, ActuatorState]
-    tracking_error: dict[str, float]
+    tracking_error: float
     fault: str
     lateness_s: float = 0.0
     period_s: float = 0.0
@@ -79,7 +80,7 @@ class EventMessage(Struct, frozen=True):
 
 
 class DriveMessage(Struct, frozen=True, omit_defaults=True):
-    """One answer or status of a drive: `hil/<rig>/drive/<actuator>`, topic `/drive/<actuator>`.
+    """One answer of a drive: `hil/<rig>/drive/<actuator>`, topic `/drive/<actuator>`.
 
     `t` is when its frame was received, `sampled` when the value held. Only what the frame said is
     there.
@@ -91,9 +92,6 @@ class DriveMessage(Struct, frozen=True, omit_defaults=True):
     velocity: float | None = None
     force: float | None = None
     current: float | None = None
-    phase: str | None = None
-    enabled: bool | None = None
-    error: str | None = None
 
 
 class ImuMessage(Struct, frozen=True, omit_defaults=True):
@@ -244,7 +242,7 @@ def schemas(
     refs, parts = msgspec.json.schema_components(kinds, ref_template="{name}")
     found = {name: _inlined(ref, parts) for name, ref in zip(PAYLOADS.keys(), refs, strict=True)}
     if coordinates:
-        for key in ("pose", "setpoint", "tracking_error"):
+        for key in ("pose", "setpoint"):
             _name_keys(found["state"]["properties"][key], coordinates, required=False)
         _name_keys(
             found["cue"]["properties"]["poses"]["items"], ("dt", *coordinates), required=True
