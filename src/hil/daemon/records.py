@@ -96,7 +96,7 @@ class SetpointRecord(NamedTuple):
 
 
 class DriveRecord(NamedTuple):
-    """A drive's status, sent when it changes; `error` keeps 120 bytes, empty where there is none."""
+    """A drive's status, sent when it changes; `error` keeps 120 bytes, empty where all is well."""
 
     t_s: float
     actuator: int

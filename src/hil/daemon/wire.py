@@ -126,10 +126,10 @@ def _unpack_state(body: bytes) -> StateRecord:
     _count(m, MAX_AXES, "actuators")
     first = 2 * MAX_AXES
     actuators = tuple(ActuatorState(*rest[k : k + 5]) for k in range(first, first + 5 * m, 5))
-    *counters, fault = rest[7 * MAX_AXES :]
+    late_s, period_s, cycles, overruns, slots, pairs, load, fault = rest[7 * MAX_AXES :]
     return StateRecord(
         t_s, _name(RIG_STATES, code), tuple(rest[:n]), tuple(rest[MAX_AXES : MAX_AXES + n]),
-        actuators, *counters, _text(fault),
+        actuators, late_s, period_s, cycles, overruns, slots, pairs, load, _text(fault),
     )  # fmt: skip
 
 
