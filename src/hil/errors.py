@@ -9,6 +9,7 @@ HilError
 │   ├── BusOff           the controller left the bus after too many errors
 │   └── BusBusy          the transmit queue is full (ENOBUFS)
 ├── DriveError           a drive refused, failed or fell silent: names the drive
+├── RigNotReached        no daemon of this rig answers at the endpoint, or it fell silent
 ├── RigInUse             another daemon already runs this rig
 ├── CommandRefused       the rig's state does not allow this command
 └── RunError             a recording cannot be read: names file, column and row
@@ -51,6 +52,10 @@ class BusBusy(BusError):
 
 class DriveError(HilError):
     """A drive refused, failed or fell silent. The message names the drive."""
+
+
+class RigNotReached(HilError):
+    """No daemon of this rig answers at the endpoint, or it has fallen silent."""
 
 
 class RigInUse(HilError):
