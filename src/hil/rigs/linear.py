@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
-from hil.rigs.kernel import compiled
+from hil.compiled import compiled
 
 
 @compiled
 def solve_positive(M, b):  # type: ignore[no-untyped-def]
-    """Solve M x = b for symmetric positive definite M (n,n) by Cholesky; b (n,) becomes x, M its factor.
+    """Solve M x = b, M (n,n) symmetric positive definite, by Cholesky; b (n,) becomes x.
 
-    False where M is not positive definite; b is then worthless.
+    M becomes its factor. False where M is not positive definite; b is then worthless.
     """
     n = b.shape[0]
     for j in range(n):
@@ -42,9 +42,9 @@ def solve_positive(M, b):  # type: ignore[no-untyped-def]
 
 @compiled
 def solve_square(A, b):  # type: ignore[no-untyped-def]
-    """Solve A x = b for any square A (n,n) by elimination with row pivots; b (n,) becomes x, A is spent.
+    """Solve A x = b, A (n,n) any square matrix, by elimination with row pivots; b (n,) becomes x.
 
-    False where A is singular; b is then worthless.
+    A is spent. False where A is singular; b is then worthless.
     """
     n = b.shape[0]
     for j in range(n):

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.config.geometry import AxisGeometry, MotorcycleGeometry, StewartGeometry
 from hil.config.rig import RigFile
 from hil.errors import ConfigError
-from hil.rigs.kernel import AXIS, MOTORCYCLE, PENDULUM, STEWART, Array
+from hil.rigs.kernel import AXIS, MOTORCYCLE, PENDULUM, STEWART
+
+Array = NDArray[np.float64]
 
 DIRECTION = {
     "horizontal": (1.0, 0.0, 0.0),
@@ -41,7 +44,7 @@ def pack_geometry(rig: RigFile) -> Array:
 
 
 def joint_index(rig: RigFile, joint: str) -> int:
-    """Where the x of `joint` ("leg3.platform", "slide.base") stands in the geometry vector; y, z follow."""
+    """Index of the x of `joint` ("leg3.platform", "slide.base") in the geometry; y, z follow."""
     actuator, _, end = joint.partition(".")
     if (
         kind_code(rig) in (AXIS, PENDULUM)
@@ -71,7 +74,7 @@ def pack_body(rig: RigFile) -> Array:
 
 
 def pack_legs(rig: RigFile) -> Array:
-    """(n, 6): lower_mass, lower_cog, lower_inertia, upper_mass, upper_cog, upper_inertia; kg, m, kg·m²."""
+    """(n, 6): mass kg, cog m, inertia kg·m² of each actuator's lower, then upper part."""
     return np.array(
         [
             [

@@ -1,0 +1,58 @@
+"""The decorator of compiled code, and a disk cache that notices when any compiled source changes.
+
+Numba's cache looks only at the file in which a function stands. After an update that touches a
+function called from another file it would go on running the old one: a plant or twin that is
+silently not what the sources say. So every cached function of hil is stamped with all of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import caching
+
+PACKAGE = Path(__file__).parent
+
+
+@cache
+def sources_stamp() -> str:
+    """Hash over every source of hil that holds compiled code."""
+    digest = hashlib.sha256()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        text = path.read_bytes()
+        if b"@compiled" in text or b"njit" in text:
+            digest.update(str(path.relative_to(PACKAGE)).encode() + b"\0" + text)
+    return digest.hexdigest()
+
+
+class _WholePackage:
+    """A cache locator for hil's own functions; others fall through to numba's."""
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> Any:
+        if not Path(py_file).is_relative_to(PACKAGE):
+            return None
+        return super().from_function(py_func, py_file)  # type: ignore[misc]
+
+    def get_source_stamp(self) -> tuple[Any, str]:
+        return super().get_source_stamp(), sources_stamp()  # type: ignore[misc]
+
+
+class InTree(_WholePackage, caching.InTreeCacheLocator):  # type: ignore[misc]
+    """Beside the sources, where that is writable."""
+
+
+class UserWide(_WholePackage, caching.UserWideCacheLocator):  # type: ignore[misc]
+    """In the user's cache folder."""
+
+
+if not numba.config.CACHE_LOCATOR_CLASSES and not numba.config.CACHE_DIR:
+    ours = [f"{__name__}.{c.__name__}" for c in (InTree, UserWide)]
+    theirs = [c.__name__ for c in caching.CacheImpl._locator_classes]
+    numba.config.CACHE_LOCATOR_CLASSES = ",".join(ours + theirs)
+
+compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
