@@ -41,6 +41,7 @@ states = axes.flatmap(
         st.lists(st.builds(r.ActuatorState, *[reals] * 5), max_size=r.MAX_AXES).map(tuple),
         reals,
         reals,
+        reals,
         counts,
         counts,
         counts,
@@ -71,9 +72,6 @@ records = st.one_of(
     st.builds(r.SetpointRecord, reals, bytes_, st.sampled_from(r.KINDS), reals),
     shaped,
     st.builds(r.EventRecord, reals, st.sampled_from(r.SEVERITIES), text(48), text(240)),
-    st.builds(
-        r.DriveRecord, reals, bytes_, st.sampled_from(r.DRIVE_PHASES), st.booleans(), text(120)
-    ),
     st.builds(r.ReplyRecord, st.integers(0, 2**32 - 1), st.booleans(), text(240)),
     cues,
     st.builds(r.CommandRecord, st.integers(0, 2**32 - 1), text(48), text(48)),

@@ -28,7 +28,6 @@ RIG_STATES: Final = (
 )
 QUANTITIES: Final = ("position", "velocity", "force", "current", *IMU_QUANTITIES)
 KINDS: Final = ("position", "force")
-DRIVE_PHASES: Final = ("absent", "logged_on", "configured", "ready", "enabled", "fault")
 SEVERITIES: Final = ("info", "warning", "fault")
 
 _NAN = float("nan")
@@ -62,6 +61,8 @@ class StateRecord(NamedTuple):
     setpoint: tuple[float, ...]
     """Pose that the loop aims at, same order."""
     actuators: tuple[ActuatorState, ...]
+    tracking_error: float = _NAN
+    """Largest |setpoint - position| of the actuators, m or rad."""
     lateness_s: float = 0.0
     """How late this cycle began."""
     period_s: float = 0.0
@@ -93,16 +94,6 @@ class SetpointRecord(NamedTuple):
     actuator: int
     kind: str
     value: float
-
-
-class DriveRecord(NamedTuple):
-    """A drive's status, sent when it changes; `error` keeps 120 bytes, empty where all is well."""
-
-    t_s: float
-    actuator: int
-    phase: str
-    enabled: bool
-    error: str = ""
 
 
 class CueShapedRecord(NamedTuple):
@@ -163,7 +154,6 @@ Record = (
     | StateRecord
     | SampleRecord
     | SetpointRecord
-    | DriveRecord
     | CueShapedRecord
     | EventRecord
     | ReplyRecord

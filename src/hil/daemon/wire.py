@@ -14,7 +14,6 @@ from typing import Any, Final
 
 from hil import frames
 from hil.daemon.records import (
-    DRIVE_PHASES,
     KINDS,
     MAX_AXES,
     POSES_PER_RECORD,
@@ -25,7 +24,6 @@ from hil.daemon.records import (
     CommandRecord,
     CueRecord,
     CueShapedRecord,
-    DriveRecord,
     EventRecord,
     FrameRecord,
     GatewayAlive,
@@ -84,10 +82,9 @@ def _count(n: int, limit: int, what: str) -> int:
 
 
 _FRAME = struct.Struct("<d?16s")
-_STATE = struct.Struct(f"<dBBB{2 * MAX_AXES}d{5 * MAX_AXES}dddQQQQd{FAULT_BYTES}s")
+_STATE = struct.Struct(f"<dBBB{2 * MAX_AXES}d{5 * MAX_AXES}ddddQQQQd{FAULT_BYTES}s")
 _SAMPLE = struct.Struct("<BBddd")
 _SETPOINT = struct.Struct("<dBBd")
-_DRIVE = struct.Struct(f"<dBB?{FAULT_BYTES}s")
 _SHAPED = struct.Struct(f"<dB{3 * MAX_AXES}d")
 _EVENT = struct.Struct(f"<dB{NAME_BYTES}s{TEXT_BYTES}s")
 _REPLY = struct.Struct(f"<I?{REPLY_BYTES}s")
@@ -115,8 +112,8 @@ def _pack_state(r: StateRecord) -> bytes:
     return _STATE.pack(
         r.t_s, _code(RIG_STATES, r.state), len(r.pose), len(r.actuators),
         *_padded(r.pose, "pose"), *_padded(r.setpoint, "setpoint"), *flat,
-        r.lateness_s, r.period_s, r.cycles, r.overruns, r.slots, r.pairs, r.bus_load,
-        cut(r.fault, FAULT_BYTES),
+        r.tracking_error, r.lateness_s, r.period_s,
+        r.cycles, r.overruns, r.slots, r.pairs, r.bus_load, cut(r.fault, FAULT_BYTES),
     )  # fmt: skip
 
 
@@ -126,10 +123,10 @@ def _unpack_state(body: bytes) -> StateRecord:
     _count(m, MAX_AXES, "actuators")
     first = 2 * MAX_AXES
     actuators = tuple(ActuatorState(*rest[k : k + 5]) for k in range(first, first + 5 * m, 5))
-    late_s, period_s, cycles, overruns, slots, pairs, load, fault = rest[7 * MAX_AXES :]
+    error, late_s, period_s, cycles, overruns, slots, pairs, load, fault = rest[7 * MAX_AXES :]
     return StateRecord(
         t_s, _name(RIG_STATES, code), tuple(rest[:n]), tuple(rest[MAX_AXES : MAX_AXES + n]),
-        actuators, late_s, period_s, cycles, overruns, slots, pairs, load, _text(fault),
+        actuators, error, late_s, period_s, cycles, overruns, slots, pairs, load, _text(fault),
     )  # fmt: skip
 
 
@@ -149,16 +146,6 @@ def _pack_setpoint(r: SetpointRecord) -> bytes:
 def _unpack_setpoint(body: bytes) -> SetpointRecord:
     t_s, actuator, code, value = _SETPOINT.unpack(body)
     return SetpointRecord(t_s, actuator, _name(KINDS, code), value)
-
-
-def _pack_drive(r: DriveRecord) -> bytes:
-    phase = _code(DRIVE_PHASES, r.phase)
-    return _DRIVE.pack(r.t_s, r.actuator, phase, r.enabled, cut(r.error, FAULT_BYTES))
-
-
-def _unpack_drive(body: bytes) -> DriveRecord:
-    t_s, actuator, code, enabled, error = _DRIVE.unpack(body)
-    return DriveRecord(t_s, actuator, _name(DRIVE_PHASES, code), enabled, _text(error))
 
 
 def _pack_shaped(r: CueShapedRecord) -> bytes:
@@ -250,7 +237,6 @@ _CODECS: Final[dict[int, tuple[type, int, Callable[[Any], bytes], Callable[[byte
     5: (CueShapedRecord, _SHAPED.size, _pack_shaped, _unpack_shaped),
     6: (EventRecord, _EVENT.size, _pack_event, _unpack_event),
     7: (ReplyRecord, _REPLY.size, _pack_reply, _unpack_reply),
-    8: (DriveRecord, _DRIVE.size, _pack_drive, _unpack_drive),
     16: (CueRecord, _CUE.size, _pack_cue, _unpack_cue),
     17: (CommandRecord, _COMMAND.size, _pack_command, _unpack_command),
     18: (GatewayAlive, _ALIVE.size, _pack_alive, _unpack_alive),

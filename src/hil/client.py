@@ -1,0 +1,305 @@
+"""A client of a running rig in a few lines, over Zenoh: cues out, states and events in, commands.
+
+    with RigClient("motorcycle") as rig:
+        rig.command("arm")
+        for state in rig.states():
+            rig.cue(roll=0.05 * math.sin(state.t))
+
+The same over `async with` and `async for`. What goes over the wire is described in docs/zenoh.md;
+any Zenoh client in any language can do the same.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import time
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from threading import Condition
+from types import TracebackType
+from typing import Any, Final, Generic, Self, TypeVar
+
+import msgspec
+import zenoh
+
+from hil import messages
+from hil.errors import ProtocolError, RigNotReached
+from hil.messages import CommandReply, CommandRequest, CueMessage, EventMessage, StateMessage
+
+ENDPOINT: Final = "tcp/127.0.0.1:7447"
+COMMAND_TIMEOUT_S: Final = 8.0
+"""Longer than the daemon itself waits for an answer, so that its own sentence arrives."""
+
+T = TypeVar("T")
+
+
+def zenoh_config(
+    mode: str,
+    listen: Sequence[str] = (),
+    connect: Sequence[str] = (),
+    file: str | Path | None = None,
+    connect_timeout_s: float = 3.0,
+) -> zenoh.Config:
+    """A Zenoh configuration that scouts nobody: only the endpoints named are opened or called.
+
+    `file` is a Zenoh JSON5 file to start from (TLS, access control). Endpoints in it stand where
+    none are given here. ZError if the file cannot be read.
+    """
+    config = zenoh.Config() if file is None else zenoh.Config.from_file(Path(file))
+    settings: dict[str, Any] = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "connect/timeout_ms": round(1000 * connect_timeout_s),
+    }
+    if listen or file is None:
+        settings["listen/endpoints"] = list(listen)
+    if connect:
+        settings["connect/endpoints"] = list(connect)
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class Feed(Generic[T]):
+    """Messages as they come, for `for` and `async for`; what nobody fetches in time is lost.
+
+    Ends when the client closes; RigNotReached when nothing came for `timeout_s`.
+    """
+
+    def __init__(self, what: str, timeout_s: float | None) -> None:
+        self._what = what
+        self._timeout_s = timeout_s
+        self._items: list[T] = []
+        self._more = Condition()
+        self._is_closed = False
+
+    def put(self, item: T) -> None:
+        """Add a message; of more than a thousand that wait, the oldest goes."""
+        with self._more:
+            self._items.append(item)
+            del self._items[:-1000]
+            self._more.notify_all()
+
+    def close(self) -> None:
+        """End every iteration."""
+        with self._more:
+            self._is_closed = True
+            self._more.notify_all()
+
+    def __iter__(self) -> Iterator[T]:
+        return self
+
+    def __next__(self) -> T:
+        with self._more:
+            if not self._more.wait_for(lambda: self._items or self._is_closed, self._timeout_s):
+                raise RigNotReached(f"{self._what}: nothing came for {self._timeout_s} s")
+            if not self._items:
+                raise StopIteration
+            return self._items.pop(0)
+
+    def __aiter__(self) -> AsyncIterator[T]:
+        return self
+
+    async def __anext__(self) -> T:
+        end = object()
+        item = await asyncio.to_thread(next, self, end)
+        if item is end:
+            raise StopAsyncIteration
+        return item  # type: ignore[return-value]
+
+
+class RigClient:
+    """A connection to one rig. All methods may be called from any thread."""
+
+    def __init__(
+        self,
+        rig: str,
+        endpoint: str | None = ENDPOINT,
+        *,
+        name: str | None = None,
+        config: str | Path | None = None,
+    ) -> None:
+        """`name` tells the rig who sends cues; `config` is a Zenoh JSON5 file, for TLS.
+
+        With `endpoint` None the endpoints of that file are used.
+        """
+        self.rig = rig
+        self.name = name or f"client-{os.getpid()}"
+        self.coordinates: tuple[str, ...] = ()
+        """Names of the pose's coordinates, as the rig told on connection."""
+        self._endpoint = endpoint
+        self._config = config
+        self._session: Any = None
+        self._cue: Any = None
+        self._held: list[Any] = []
+        self._seq = 0
+        self._state: StateMessage | None = None
+        self._states: list[Feed[StateMessage]] = []
+        self._events: list[Feed[EventMessage]] = []
+
+    def open(self) -> Self:
+        """Connect; RigNotReached if no daemon of this rig answers."""
+        where = (self._endpoint,) if self._endpoint else ()
+        try:
+            self._session = zenoh.open(zenoh_config("client", (), where, self._config))
+        except zenoh.ZError as error:
+            raise RigNotReached(
+                f"{self.rig}: no daemon at {self._endpoint or self._config}; is `hil run` up? "
+                f"({error})"
+            ) from error
+        try:
+            self._declare()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def _declare(self) -> None:
+        session = self._session
+        self._held = [
+            session.declare_subscriber(self._key("state"), self._on_state),
+            session.declare_subscriber(self._key("event"), self._on_event),
+            session.liveliness().declare_token(self._key(f"client/{self.name}")),
+        ]
+        self.coordinates = self._ask_coordinates()
+        self._cue = session.declare_publisher(
+            self._key("cue"),
+            encoding=zenoh.Encoding.APPLICATION_JSON,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+
+    def _ask_coordinates(self) -> tuple[str, ...]:
+        for reply in self._session.get(self._key("schema/cue"), timeout=3.0):
+            if reply.ok is not None:
+                schema = json.loads(reply.ok.payload.to_bytes())
+                pose = schema["properties"]["poses"]["items"]["properties"]
+                return tuple(key for key in pose if key != "dt")
+        raise RigNotReached(f"{self.rig}: no rig of this name answers at {self._endpoint}")
+
+    def close(self) -> None:
+        """Disconnect; the rig parks once the cue is stale."""
+        feeds: list[Feed[Any]] = [*self._states, *self._events]
+        for feed in feeds:
+            feed.close()
+        if self._session is not None:
+            self._session.close()
+        self._session = self._cue = None
+        self._held = []
+
+    def cue(self, **pose: float) -> int:
+        """Ask for a pose now, coordinates by name (rad, m), neutral (0) where not named.
+
+        Returns the cue's sequence number.
+        """
+        return self.cues([{"dt": 0.0, **pose}])
+
+    def cues(self, poses: Sequence[Mapping[str, float]], t_s: float | None = None) -> int:
+        """Ask for one or many poses, each with `dt`, s after `t_s` (now, on the monotonic clock).
+
+        ProtocolError for a coordinate that the rig has not. Returns the sequence number.
+        """
+        if self._cue is None:
+            raise RigNotReached(f"{self.rig}: the client is not connected")
+        neutral = dict.fromkeys(self.coordinates, 0.0)
+        for pose in poses:
+            unknown = pose.keys() - neutral.keys() - {"dt"}
+            if unknown:
+                raise ProtocolError(
+                    f"{self.rig} has no coordinate {', '.join(sorted(unknown))}; "
+                    f"it has {', '.join(self.coordinates)}"
+                )
+        self._seq += 1
+        now_s = time.monotonic() if t_s is None else t_s
+        filled = [{"dt": 0.0, **neutral, **pose} for pose in poses]
+        self._cue.put(
+            messages.encode(CueMessage(self._seq, now_s, filled)),
+            attachment=self.name,
+            source_info=zenoh.SourceInfo(self._cue.id, self._seq % 2**32),
+        )
+        return self._seq
+
+    def state(self) -> StateMessage | None:
+        """The last state that arrived; None before the first."""
+        return self._state
+
+    def states(self, timeout_s: float | None = 2.0) -> Feed[StateMessage]:
+        """Each state from now on; RigNotReached if none comes for `timeout_s`."""
+        feed: Feed[StateMessage] = Feed(f"states of {self.rig}", timeout_s)
+        self._states.append(feed)
+        return feed
+
+    def events(self, timeout_s: float | None = None) -> Feed[EventMessage]:
+        """Each event from now on; waits for as long as it takes unless told otherwise."""
+        feed: Feed[EventMessage] = Feed(f"events of {self.rig}", timeout_s)
+        self._events.append(feed)
+        return feed
+
+    def command(self, name: str, **arguments: float | str | bool) -> CommandReply:
+        """Give a command (`arm`, `disarm`, `park` ...) and wait for its answer.
+
+        A rig that refuses answers with `ok` false and says why; RigNotReached if nobody answers.
+        """
+        if self._session is None:
+            raise RigNotReached(f"{self.rig}: the client is not connected")
+        replies = self._session.get(
+            self._key(f"command/{name}"),
+            payload=messages.encode(CommandRequest(self.name, arguments)),
+            encoding=zenoh.Encoding.APPLICATION_JSON,
+            timeout=COMMAND_TIMEOUT_S,
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                return messages.decode(reply.ok.payload.to_bytes(), CommandReply)
+            return CommandReply(False, reply.err.payload.to_bytes().decode(errors="replace"))
+        raise RigNotReached(f"{self.rig}: nobody answered the command {name}")
+
+    def is_alive(self) -> bool:
+        """Whether a daemon of this rig is there now."""
+        if self._session is None:
+            return False
+        replies = self._session.liveliness().get(self._key("alive"), timeout=1.0)
+        return any(reply.ok is not None for reply in replies)
+
+    def _key(self, tail: str) -> str:
+        return f"hil/{self.rig}/{tail}"
+
+    def _on_state(self, sample: zenoh.Sample) -> None:
+        with suppress(msgspec.DecodeError, ProtocolError):
+            self._state = messages.decode(sample.payload.to_bytes(), StateMessage)
+            for feed in self._states:
+                feed.put(self._state)
+
+    def _on_event(self, sample: zenoh.Sample) -> None:
+        with suppress(msgspec.DecodeError, ProtocolError):
+            event = messages.decode(sample.payload.to_bytes(), EventMessage)
+            for feed in self._events:
+                feed.put(event)
+
+    def __enter__(self) -> Self:
+        return self.open()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    async def __aenter__(self) -> Self:
+        return await asyncio.to_thread(self.open)
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
+    ) -> None:
+        await asyncio.to_thread(self.close)

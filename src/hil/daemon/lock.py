@@ -1,0 +1,93 @@
+"""One daemon a rig and bus: a lock that the kernel gives back however its holder dies.
+
+The lock is the name of an abstract Unix socket: it needs no folder and no rights, it holds between
+users, and it lives in the same network namespace as the CAN interface that it protects.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+import struct
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from hil.errors import RigInUse
+
+_UCRED: Final = struct.Struct("3i")
+"""pid, uid, gid as SO_PEERCRED gives them, unix(7)."""
+
+
+class RigLock:
+    """Holds the bus, and the rig's name on it, for this process; RigInUse names who has them.
+
+    The bus is locked by itself because two rigs may not share one: each daemon's gate knows its own
+    drives only. The name is locked on real buses; behind hubs, any number of simulated rigs of one
+    name may run.
+    """
+
+    def __init__(self, rig: str, bus_url: str) -> None:
+        kind, _, path = bus_url.partition(":")
+        if kind == "hub":
+            bus_url = f"hub:{Path(path).resolve()}"
+        self._wanted = [f"bus {bus_url}"] + ([f"rig {rig}"] if kind != "hub" else [])
+        self._held: list[socket.socket] = []
+
+    def acquire(self) -> Self:
+        """Take what is wanted, all or nothing; RigInUse if another daemon has any of it."""
+        try:
+            for what in self._wanted:
+                self._held.append(_take(what))
+        except RigInUse:
+            self.release()
+            raise
+        return self
+
+    def release(self) -> None:
+        """Give everything back."""
+        while self._held:
+            self._held.pop().close()
+
+    def __enter__(self) -> Self:
+        return self.acquire()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
+    ) -> None:
+        self.release()
+
+
+def _take(what: str) -> socket.socket:
+    address = b"\0hil " + what.encode()[:90]
+    lock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
+    try:
+        lock.bind(address)
+        lock.listen(1)
+    except OSError as error:
+        lock.close()
+        if error.errno != errno.EADDRINUSE:
+            raise
+        holder = _holder(address)
+        raise RigInUse(
+            f"{what} is already run by another daemon"
+            + (f", process {holder}" if holder else "")
+            + "; stop that one first"
+        ) from None
+    return lock
+
+
+def _holder(address: bytes) -> int | None:
+    """Process that listens at `address`; None if it went away meanwhile or its queue is full."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.setblocking(False)
+        try:
+            probe.connect(address)
+            raw = probe.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
+        except OSError:
+            return None
+    pid: int = _UCRED.unpack(raw)[0]
+    return pid
