@@ -6,11 +6,13 @@ A day of operation runs in minutes: time jumps from one thing that is due to the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Protocol
 
 import numpy as np
 
 from hil.bus.bitbus import BitBus
+from hil.errors import BusBusy, BusError, BusOff
 from hil.frames import Frame
 from hil.sim.rig import SimulatedRig
 
@@ -29,6 +31,9 @@ class Master(Protocol):
 
     def on_frame(self, now_s: float, frame: Frame) -> Sequence[Frame]:
         """A frame was received; returns the frames to send."""
+
+    def on_refused(self, now_s: float, frame: Frame, error: BusError) -> None:
+        """The bus did not take `frame`: its queue is full or the node is off."""
 
 
 class World:
@@ -54,6 +59,8 @@ class World:
         self._rng = rng
         self._jitter_s = wake_jitter_s
         self._wake: dict[str, tuple[float, float]] = {}
+        for node in (RIG_NODE, *masters):
+            bus.attach(node)
 
     def run_until(self, end_s: float) -> None:
         """Let everything happen up to and including `end_s`."""
@@ -75,14 +82,18 @@ class World:
             else:
                 self._submit(node, self.masters[node].on_frame(at_s, frame))
         for frame in self.simulated.on_time(now_s):
-            self.bus.submit(RIG_NODE, frame, now_s)
+            with suppress(BusBusy, BusOff):  # a drive's own queue: it speaks again next time
+                self.bus.submit(RIG_NODE, frame, now_s)
         for name, master in self.masters.items():
             if self._wake_s(name) <= now_s:
                 self._submit(name, master.on_due(now_s))
 
     def _submit(self, node: str, frames: Sequence[Frame]) -> None:
         for frame in frames:
-            self.bus.submit(node, frame, self.now_s)
+            try:
+                self.bus.submit(node, frame, self.now_s)
+            except (BusBusy, BusOff) as error:
+                self.masters[node].on_refused(self.now_s, frame, error)
 
     def _wake_s(self, name: str) -> float:
         """When `name` really wakes for what it has due: late by the host's jitter, drawn once."""

@@ -1,0 +1,68 @@
+"""When a cycle begins and when each drive's slot in it starts; what was late and what was missed.
+
+Pure: told the time, it says what is due. A late caller gets everything of the present cycle at once; whole
+cycles that have gone by are counted as overruns and skipped, never made up for in a burst of frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+CYCLE: Final = -1
+"""`Due.slot` of the start of a cycle; drives' slots count from 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Due:
+    """Something to do now: the start of a cycle (slot == CYCLE) or a drive's slot."""
+
+    slot: int
+    due_s: float
+
+
+class Schedule:
+    """Cycle k begins at start + k·cycle; the slot of drive i `i * stagger_s` later."""
+
+    def __init__(self, start_s: float, cycle_s: float, stagger_s: float, slots: int) -> None:
+        if stagger_s * (slots - 1) >= cycle_s:
+            raise ValueError(
+                f"{slots} slots {stagger_s * 1e3:g} ms apart do not fit into a cycle of {cycle_s * 1e3:g} ms"
+            )
+        self.start_s = start_s
+        self.cycle_s = cycle_s
+        self.stagger_s = stagger_s
+        self.slots = slots
+        self.cycles = 0
+        self.overruns = 0
+        self.missed_in_a_row = 0
+        self._k = 0
+        self._next = CYCLE
+
+    @property
+    def next_due_s(self) -> float:
+        """Instant of the next thing to do, s."""
+        return self._due_s(self._k, self._next)
+
+    def take(self, now_s: float) -> list[Due]:
+        """All that is due at `now_s`, in order."""
+        due: list[Due] = []
+        while self.next_due_s <= now_s:
+            if self._next == CYCLE:
+                self._begin(now_s)
+                due = []
+            due.append(Due(self._next, self.next_due_s))
+            self._next += 1
+            if self._next == self.slots:
+                self._k, self._next = self._k + 1, CYCLE
+        return due
+
+    def _begin(self, now_s: float) -> None:
+        gone = int((now_s - self._due_s(self._k, CYCLE)) / self.cycle_s)
+        self._k += gone
+        self.overruns += gone
+        self.missed_in_a_row = gone
+        self.cycles += 1
+
+    def _due_s(self, k: int, slot: int) -> float:
+        return self.start_s + k * self.cycle_s + max(slot, 0) * self.stagger_s
