@@ -1,0 +1,75 @@
+"""How much of a CAN bus a frame and a schedule take.
+
+Lengths after R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
+schedulability analysis: refuted, revisited and revised", Real-Time Systems 35 (2007), equation
+for C_m [M]: g + 8 s + 13 + floor((g + 8 s - 1) / 4) bits, with g = 34 (11-bit identifier) or 54
+(29-bit) bits exposed to stuffing and 13 that are not, the interframe space among them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from hil.errors import ConfigError
+from hil.frames import Frame
+
+SHARE_LIMIT: Final = 0.9
+"""Share of the bus that a schedule may take: the rest is for repeats, log-ons and errors [M]."""
+
+_STUFFED: Final = {False: 34, True: 54}
+_UNSTUFFED: Final = 13
+
+
+@dataclass(frozen=True, slots=True)
+class ScheduledFrame:
+    """A frame of `length` data bytes that is sent every `period_s`."""
+
+    name: str
+    length: int
+    period_s: float
+    is_extended: bool = False
+
+
+def bits(length: int, *, is_extended: bool = False, stuffed: bool = True) -> int:
+    """Bits of a frame with `length` data bytes: at worst (`stuffed`) or without any stuff bit."""
+    if not 0 <= length <= 8:
+        raise ValueError(f"a classic CAN frame has 0 to 8 data bytes, not {length}")
+    exposed = _STUFFED[is_extended] + 8 * length
+    return exposed + _UNSTUFFED + ((exposed - 1) // 4 if stuffed else 0)
+
+
+def frame_bits(frame: Frame, *, stuffed: bool = True) -> int:
+    """Bits of `frame`; a remote frame carries no data whatever its length says."""
+    length = 0 if frame.is_remote else len(frame.data)
+    return bits(length, is_extended=frame.is_extended, stuffed=stuffed)
+
+
+def frame_s(frame: Frame, bitrate_bps: int, *, stuffed: bool = True) -> float:
+    """Seconds that `frame` holds the bus at `bitrate_bps` bit/s, interframe space included."""
+    return frame_bits(frame, stuffed=stuffed) / bitrate_bps
+
+
+def share(schedule: Sequence[ScheduledFrame], bitrate_bps: int, *, stuffed: bool = True) -> float:
+    """Share of the bus, 1 = all of it, that `schedule` takes at worst (or without stuff bits)."""
+    return sum(
+        bits(item.length, is_extended=item.is_extended, stuffed=stuffed)
+        / (bitrate_bps * item.period_s)
+        for item in schedule
+    )
+
+
+def require_fits(
+    schedule: Sequence[ScheduledFrame], bitrate_bps: int, *, limit: float = SHARE_LIMIT
+) -> float:
+    """The worst-case share of `schedule`; ConfigError when it is over `limit`."""
+    worst = share(schedule, bitrate_bps)
+    if worst > limit:
+        largest = max(schedule, key=lambda item: share([item], bitrate_bps))
+        raise ConfigError(
+            f"the schedule needs {worst:.0%} of a {bitrate_bps / 1000:g} kbit/s bus, at most "
+            f"{limit:.0%} may be used; raise can.bitrate or bus.cycle (its {len(schedule)} frames "
+            f"include {largest.name}, {largest.length} bytes every {largest.period_s * 1e3:g} ms)"
+        )
+    return worst
