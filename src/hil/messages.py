@@ -49,11 +49,11 @@ class ActuatorState(Struct, frozen=True, omit_defaults=True):
 class StateMessage(Struct, frozen=True):
     """The rig: `hil/<rig>/state`, topic `/state`. `fault` is empty where there is none.
 
-    `pose` is the measured pose, `setpoint` the one asked for now, each by coordinate and empty until
+    `pose` is the measured pose, `setpoint` the one asked for now, each by coordinate, empty until
     known. `tracking_error` is the largest |setpoint - position| of the actuators, m or rad, 0 until
-    they all have answered. `lateness_s` is how late the loop woke for this cycle,
-    `period_s` the cycle just measured, `overruns` the cycles missed since start, `slot_use` the
-    share of parameter slots that carried a pair, `bus_load` the share of bit times used.
+    all have answered. `lateness_s` is how late the loop woke for this cycle, `period_s` the cycle
+    just measured, `overruns` the cycles missed since start, `slot_use` the share of parameter slots
+    that carried a pair, `bus_load` the share of bit times used.
     """
 
     t: float

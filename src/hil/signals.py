@@ -11,6 +11,9 @@ Quantity = Literal["position", "velocity", "force", "current"]
 IMU_QUANTITIES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 """Angular rate (rad/s) and specific force (m/s²) in the sensor frame."""
 
+Severity = Literal["info", "warning", "fault"]
+"""fault: the rig leaves normal operation; warning: somebody should look; info: neither."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sample:
@@ -27,7 +30,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class TimedPose:
-    """A pose asked for `dt_s` after the cue's own time; one value a coordinate, in the rig's order."""
+    """A pose asked for `dt_s` after the cue's own time, in the rig's order of coordinates."""
 
     dt_s: float
     pose: tuple[float, ...]
@@ -49,6 +52,6 @@ class Event:
     """Something worth telling a person: `name` is stable and greppable, `text` is a sentence."""
 
     t_s: float
-    severity: Literal["info", "warning", "fault"]
+    severity: Severity
     name: str
     text: str

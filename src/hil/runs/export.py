@@ -1,0 +1,47 @@
+"""Writes a run as a run folder that anybody's tools read: `run.toml` and one table of signals."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Final, Literal
+
+from hil.errors import RunError
+from hil.messages import EventMessage, encode
+from hil.runs.folder import EVENTS, RIG_TOML, RunMeta, write_meta
+from hil.runs.reader import Run
+
+_SIGNALS: Final = {"parquet": "signals.parquet", "csv": "signals.csv"}
+
+
+def export_run(run: Run, folder: Path, kind: Literal["parquet", "csv"] = "parquet") -> Path:
+    """Write `run` into the new `folder` and return it.
+
+    Samples keep their own instants and all their digits; `t` counts from the start of recording.
+    RunError where the folder exists and is not empty, or cannot be written.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise RunError(f"{folder}: exists already; an export never overwrites")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_meta(folder, _from_zero(run.meta))
+        kept = run.path / RIG_TOML if run.path.is_dir() else None
+        if kept is not None and kept.is_file():
+            shutil.copyfile(kept, folder / RIG_TOML)
+        if run.events:
+            lines = (EventMessage(e.t_s, e.severity, e.name, e.text) for e in run.events)
+            (folder / EVENTS).write_bytes(b"".join(encode(line) + b"\n" for line in lines))
+        path = folder / _SIGNALS[kind]
+        if kind == "csv":
+            run.table.to_csv(path, index=False)
+        else:
+            run.table.to_parquet(path, index=False, compression="zstd")
+    except OSError as error:
+        raise RunError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    return folder
+
+
+def _from_zero(meta: RunMeta) -> RunMeta:
+    if meta.recording is None:
+        return meta
+    return meta.model_copy(update={"recording": meta.recording.model_copy(update={"start_s": 0.0})})

@@ -1,0 +1,212 @@
+"""A run folder and its `run.toml`: what was run, on which rig file, with which software.
+
+runs/20260131T120000Z_motorcycle/
+    run.toml            format "hil-run/1": rig, mode, started, note, role, payload, [recording]
+    rig.toml            the rig file as it was
+    recording.mcap      or signals.parquet, or signals.csv
+    can.log             raw bus log (candump; can.blf where the rig file asks for BLF)
+    events.jsonl        one event a line
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import platform
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import IO, Any, Final, Literal
+
+import tomlkit
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from hil import __version__
+from hil.config import RigFile
+from hil.configfile import parse_settings, read_toml
+from hil.errors import ConfigError, RunError
+
+FORMAT: Final = "hil-run/1"
+RUN_TOML: Final = "run.toml"
+RIG_TOML: Final = "rig.toml"
+RECORDING: Final = "recording.mcap"
+EVENTS: Final = "events.jsonl"
+
+Mode = Literal["position", "force", "ride"]
+
+_PACKAGES: Final = (
+    "numpy",
+    "scipy",
+    "numba",
+    "pydantic",
+    "msgspec",
+    "python-can",
+    "ruckig",
+    "eclipse-zenoh",
+    "mcap",
+)
+
+
+class Payload(BaseModel):
+    """What the operator says was added to the rig: kg at x, y, z (m) in the platform frame."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    mass: float
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+
+class Provenance(BaseModel):
+    """How a recording of ours came about; `start_s` is the rig's clock at `t` = 0 of the table."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    start_s: float = 0.0
+    rig_sha256: str = ""
+    hil: str = ""
+    python: str = ""
+    host: str = ""
+    system: str = ""
+    command_line: tuple[str, ...] = ()
+    ended: datetime | None = None
+    """Missing where the recorder was killed."""
+    end_reason: str = ""
+    versions: dict[str, str] = {}
+
+
+class RunMeta(BaseModel):
+    """`run.toml`. Keys that hil does not know are kept: a run may come from anybody."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    format: Literal["hil-run/1"] = FORMAT
+    rig: str
+    mode: Mode = "position"
+    started: datetime | None = None
+    note: str = ""
+    role: Literal["diagnose", "reference"] = "diagnose"
+    answer_sha256: str | None = None
+    payload: Payload | None = None
+    recording: Provenance | None = None
+
+
+def setpoint_mode(rig: RigFile) -> Mode:
+    """What the drives are given in the rig's control mode."""
+    return "position" if rig.control.mode == "drive" else "force"
+
+
+def provenance(rig_toml: str, start_s: float, command_line: Sequence[str]) -> Provenance:
+    """Where and with what this process runs."""
+    return Provenance(
+        start_s=start_s,
+        rig_sha256=sha256(rig_toml.encode()),
+        hil=__version__,
+        python=platform.python_version(),
+        host=platform.node(),
+        system=platform.platform(),
+        command_line=tuple(command_line),
+        versions={name: _version(name) for name in _PACKAGES},
+    )
+
+
+def sha256(data: bytes) -> str:
+    """Hexadecimal SHA-256."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def new_folder(parent: Path, rig: str, started: datetime) -> Path:
+    """Make `parent/<UTC stamp>_<rig>`; a second run within the second gets `_2` and so on."""
+    stem = f"{started.astimezone(UTC):%Y%m%dT%H%M%SZ}_{rig}"
+    for suffix in ("", *(f"_{n}" for n in range(2, 100))):
+        path = parent / f"{stem}{suffix}"
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RunError(f"{path}: cannot be made: {error.strerror}") from error
+        return path
+    raise RunError(f"{parent}: holds a hundred runs that started in the same second")
+
+
+def write_meta(folder: Path, meta: RunMeta) -> None:
+    """Write `run.toml` at once: readers see the old file or the new one, never half of it."""
+    fresh = folder / f".{RUN_TOML}"
+    fresh.write_text(meta_toml(meta), encoding="utf-8")
+    fresh.replace(folder / RUN_TOML)
+
+
+def meta_toml(meta: RunMeta) -> str:
+    """`meta` as TOML text."""
+    return tomlkit.dumps(meta.model_dump(exclude_none=True))
+
+
+def read_meta(folder: Path) -> RunMeta:
+    """Read `folder/run.toml`; RunError names file, key and what is wrong."""
+    path = folder / RUN_TOML
+    if not path.is_file():
+        raise RunError(f"{folder}: is no run folder, it has no {RUN_TOML}")
+    try:
+        return parse_meta(read_toml(path), str(path))
+    except ConfigError as error:
+        raise RunError(str(error)) from error
+
+
+def parse_meta(tables: dict[str, Any], source: str) -> RunMeta:
+    """`tables` as RunMeta; RunError names `source`, key and what is wrong."""
+    if tables.get("format") != FORMAT:
+        raise RunError(f"{source}: format is {tables.get('format')!r}, hil reads {FORMAT!r}")
+    try:
+        return RunMeta.model_validate(tables)
+    except ValidationError as error:
+        lines = [
+            f"{source}: {'.'.join(map(str, fault['loc']))}: {fault['msg'].lower()}"
+            for fault in error.errors()
+        ]
+        raise RunError("\n".join(lines)) from error
+
+
+def read_rig(folder: Path, meta: RunMeta) -> RigFile | None:
+    """The rig file kept with the run, or None where there is none.
+
+    RunError where it is not the one that ran: another name than `run.toml` says, or changed since.
+    """
+    path = folder / RIG_TOML
+    if not path.is_file():
+        return None
+    text = path.read_bytes()
+    kept = meta.recording.rig_sha256 if meta.recording else ""
+    if kept and kept != sha256(text):
+        raise RunError(f"{path}: was changed after the run ({RUN_TOML} keeps its SHA-256)")
+    try:
+        rig = parse_settings(read_toml(path), RigFile, str(path))
+    except ConfigError as error:
+        raise RunError(str(error)) from error
+    if rig.name != meta.rig:
+        raise RunError(f"{path}: is the rig {rig.name!r}, but {RUN_TOML} says {meta.rig!r}")
+    return rig
+
+
+def lock(stream: IO[bytes]) -> None:
+    """Mark the recording in `stream` as being written, until it is closed."""
+    fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def is_being_recorded(path: Path) -> bool:
+    """Whether a living process writes the recording at `path`."""
+    with path.open("rb") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,136 @@
+"""MCAP files as hil writes them: JSON messages with schemas, in chunks that end twice a second.
+
+A chunk that has ended is on its way to the disk, so a killed process loses only the chunk it was
+filling. Such a file has no footer and perhaps half a chunk at its end: `McapSource` reads it as far
+as it is whole, skips what does not match its checksum, and says so in `damage`.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import IO, Any, Final, NamedTuple
+
+from mcap.exceptions import InvalidMagic, McapError
+from mcap.records import Attachment, Channel, Chunk, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import Writer
+from zstandard import ZstdError
+
+from hil.errors import RunError
+
+_BROKEN: Final = (McapError, ZstdError, struct.error, ValueError, MemoryError)
+"""What mcap raises on bytes that are cut short or wrong (ValueError: checksum, text)."""
+
+_PREFIX: Final = "hil."
+"""Before the names of our schemas in a file, so that they meet nobody else's."""
+
+
+class McapMessage(NamedTuple):
+    """One message: its topic, its time (ns since 1970) and its JSON."""
+
+    topic: str
+    log_time_ns: int
+    data: bytes
+
+
+class McapSink:
+    """Writes messages by topic; a topic's channel and schema are made when it is first used."""
+
+    def __init__(self, stream: IO[bytes], schemas: Mapping[str, dict[str, Any]]) -> None:
+        self._schemas = schemas
+        self._schema_ids: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._writer = Writer(stream, chunk_size=1 << 20)
+        self._writer.start(profile="", library="hil")
+
+    def attach(self, name: str, media_type: str, data: bytes, time_ns: int) -> None:
+        """Put a file into the file: the rig file and the run's metadata travel with the data."""
+        self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
+
+    def write(self, topic: str, schema: str, data: bytes, log_time_ns: int) -> None:
+        """Add one message; `schema` names one of the schemas given at the start."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._open(topic, schema)
+        self._writer.add_message(channel, log_time_ns, data, log_time_ns)
+
+    def flush(self) -> None:
+        """End the chunk and hand all of it to the operating system."""
+        self._writer.flush()
+
+    def finish(self) -> None:
+        """Write index and footer; nothing can be added after."""
+        self._writer.finish()
+
+    def _open(self, topic: str, schema: str) -> int:
+        if schema not in self._schema_ids:
+            text = json.dumps(self._schemas[schema]).encode()
+            self._schema_ids[schema] = self._writer.register_schema(
+                f"{_PREFIX}{schema}", "jsonschema", text
+            )
+        return int(self._writer.register_channel(topic, "json", self._schema_ids[schema]))
+
+
+class McapSource:
+    """Iterates over a file's messages in the order in which they were written.
+
+    After the iteration `attachments` holds the files inside by name, and `damage` a sentence where
+    the file is cut short or parts of it are wrong, else None.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.attachments: dict[str, bytes] = {}
+        self.schemas: dict[str, dict[str, Any]] = {}
+        """JSON Schema by name."""
+        self.schema_of: dict[str, str] = {}
+        """Name of a topic's schema."""
+        self.damage: str | None = None
+        self._topics: dict[int, str] = {}
+        self._schema_names: dict[int, str] = {}
+
+    def __iter__(self) -> Iterator[McapMessage]:
+        bad_chunks = 0
+        cut = False
+        with self.path.open("rb") as stream:
+            try:
+                for record in StreamReader(stream, emit_chunks=True).records:
+                    if not isinstance(record, Chunk):
+                        yield from self._take(record)
+                        continue
+                    try:
+                        inside = breakup_chunk(record, validate_crc=True)
+                    except _BROKEN:
+                        bad_chunks += 1
+                        continue
+                    for part in inside:
+                        yield from self._take(part)
+            except InvalidMagic as error:
+                if stream.tell() <= 8:
+                    raise RunError(f"{self.path}: is no MCAP file") from error
+                cut = True
+            except _BROKEN:
+                cut = True
+        notes = [f"{bad_chunks} chunks do not match their checksum"] if bad_chunks else []
+        if cut:
+            notes.append("it has no end: the recorder was killed or the file was cut")
+        if notes:
+            self.damage = f"{self.path}: " + "; ".join(notes)
+
+    def _take(self, record: object) -> Iterator[McapMessage]:
+        if isinstance(record, Message):
+            topic = self._topics.get(record.channel_id)
+            if topic is not None:
+                yield McapMessage(topic, record.log_time, record.data)
+        elif isinstance(record, Schema):
+            name = record.name.removeprefix(_PREFIX)
+            self._schema_names[record.id] = name
+            self.schemas[name] = json.loads(record.data or b"{}")
+        elif isinstance(record, Channel) and record.message_encoding == "json":
+            self._topics[record.id] = record.topic
+            self.schema_of[record.topic] = self._schema_names.get(record.schema_id, "")
+        elif isinstance(record, Attachment):
+            self.attachments[record.name] = record.data

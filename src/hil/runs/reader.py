@@ -1,0 +1,179 @@
+"""Reads a run: a recording of ours, a bare MCAP file of ours, or anybody's run folder.
+
+Whatever the source, the result is one `Run` that was checked: increasing time, known signals,
+finite numbers, a rig file that fits. What is wrong becomes a RunError that names file, column, row.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast, get_args
+
+import msgspec
+import pandas as pd
+import pyarrow as pa
+
+from hil.config import RigFile
+from hil.configfile import parse_settings
+from hil.errors import ConfigError, RunError
+from hil.messages import EventMessage
+from hil.runs.content import Content
+from hil.runs.folder import (
+    EVENTS,
+    RECORDING,
+    RIG_TOML,
+    RUN_TOML,
+    RunMeta,
+    parse_meta,
+    read_meta,
+    read_rig,
+)
+from hil.runs.mcapfile import McapSource
+from hil.runs.table import check_table, signal_order
+from hil.signals import Event, Severity
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run, checked."""
+
+    path: Path
+    meta: RunMeta
+    rig: RigFile | None
+    """The rig file kept with the run."""
+    table: pd.DataFrame
+    """Column `t` (s from the start of recording), one column a signal, NaN where not sampled."""
+    states: pd.DataFrame
+    """One row a state message: t, state, pose.*, setpoint.*, tracking_error, loop statistics."""
+    events: tuple[Event, ...]
+    damage: str | None = None
+    """What the file lacks, where it was cut or hurt."""
+
+    @property
+    def duration_s(self) -> float:
+        """Time from first to last row."""
+        t = self.table["t"]
+        return float(t.iloc[-1] - t.iloc[0])
+
+
+def load_run(path: Path, rig: RigFile | None = None) -> Run:
+    """Read the run at `path`: a run folder, or a recording.mcap.
+
+    `rig`: the rig file to hold the run against, instead of the one kept with it. RunError where
+    nothing can be read, or it is no run of this rig.
+    """
+    if path.is_dir():
+        return _load_folder(path, rig)
+    if not path.exists():
+        raise RunError(f"{path}: no such run")
+    if path.suffix == ".mcap":
+        if (path.parent / RUN_TOML).is_file() and path.name == RECORDING:
+            return _load_folder(path.parent, rig)
+        return _load_mcap(path, None, rig)
+    raise RunError(f"{path}: is neither a run folder nor an .mcap file")
+
+
+def _load_folder(folder: Path, rig: RigFile | None) -> Run:
+    meta = read_meta(folder)
+    fitting = _fitting(rig, meta, folder) or read_rig(folder, meta)
+    if (folder / RECORDING).is_file():
+        return _load_mcap(folder / RECORDING, meta, fitting)
+    for name in ("signals.parquet", "signals.csv"):
+        if (folder / name).is_file():
+            table = check_table(_read_signals(folder / name), str(folder / name), fitting)
+            events = _read_events(folder / EVENTS, _start_s(meta))
+            return Run(folder, meta, fitting, table, pd.DataFrame({"t": []}), events)
+    raise RunError(f"{folder}: holds none of {RECORDING}, signals.parquet, signals.csv")
+
+
+def _fitting(rig: RigFile | None, meta: RunMeta, source: Path) -> RigFile | None:
+    if rig is not None and rig.name != meta.rig:
+        raise RunError(f"{source}: is a run of the rig {meta.rig!r}, not of {rig.name!r}")
+    return rig
+
+
+def _read_signals(path: Path) -> pd.DataFrame:
+    try:
+        if path.suffix == ".csv":
+            return pd.read_csv(path, skipinitialspace=True, low_memory=False)
+        return pd.read_parquet(path)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise RunError(f"{path}: is no CSV table: {error}") from error
+    except (pa.ArrowException, OSError) as error:
+        raise RunError(f"{path}: cannot be read: {error}") from error
+
+
+def _read_events(path: Path, start_s: float) -> tuple[Event, ...]:
+    """The events of a folder; a last line that was cut is left out."""
+    if not path.is_file():
+        return ()
+    events = []
+    decoder = msgspec.json.Decoder(EventMessage)
+    for number, line in enumerate(path.read_bytes().splitlines(keepends=True), start=1):
+        try:
+            events.append(_event(decoder.decode(line), start_s))
+        except msgspec.DecodeError as error:
+            if line.endswith(b"\n"):
+                raise RunError(f"{path}: line {number}: is no event: {error}") from error
+    return tuple(events)
+
+
+def _event(message: EventMessage, start_s: float) -> Event:
+    severity = message.severity if message.severity in get_args(Severity) else "info"
+    return Event(message.t - start_s, cast(Severity, severity), message.name, message.text)
+
+
+def _load_mcap(path: Path, meta: RunMeta | None, rig: RigFile | None) -> Run:
+    source = McapSource(path)
+    content = Content()
+    offset_ns = None if meta is None else _offset_ns(meta)
+    for message in source:
+        if offset_ns is None:
+            meta = _attached_meta(source)
+            offset_ns = _offset_ns(meta)
+        content.take(message.topic, message.data, 1e-9 * (message.log_time_ns - offset_ns))
+    content.finish()
+    damage = "; ".join(filter(None, (source.damage, content.damage()))) or None
+    if meta is None:
+        raise RunError(f"{path}: holds no message" + (f" ({damage})" if damage else ""))
+    rig = _fitting(rig, meta, path) or _attached_rig(source, meta)
+    table = content.signals.table(str(path), signal_order(rig) if rig else ())
+    if table.empty:
+        raise RunError(f"{path}: holds no sample" + (f" ({damage})" if damage else ""))
+    start_s = _start_s(meta)
+    states = pd.DataFrame(content.states) if content.states else pd.DataFrame({"t": []})
+    for frame in (table, states):
+        frame["t"] -= start_s
+    folder = path.parent if path.name == RECORDING else path
+    beside = _read_events(path.parent / EVENTS, start_s) if folder != path else ()
+    events = beside or tuple(_event(e, start_s) for e in content.events)
+    return Run(folder, meta, rig, check_table(table, str(path), rig), states, events, damage)
+
+
+def _start_s(meta: RunMeta) -> float:
+    return meta.recording.start_s if meta.recording else 0.0
+
+
+def _offset_ns(meta: RunMeta) -> int:
+    """Log time at the zero of the rig's clock, ns since 1970: as the recorder reckons it."""
+    return 0 if meta.started is None else round((meta.started.timestamp() - _start_s(meta)) * 1e9)
+
+
+def _attached_meta(source: McapSource) -> RunMeta:
+    text = source.attachments.get(RUN_TOML)
+    if text is None:
+        raise RunError(f"{source.path}: is no recording of hil: it carries no {RUN_TOML}")
+    return parse_meta(tomllib.loads(text.decode()), f"{source.path}: {RUN_TOML}")
+
+
+def _attached_rig(source: McapSource, meta: RunMeta) -> RigFile | None:
+    text = source.attachments.get(RIG_TOML)
+    if text is None:
+        return None
+    try:
+        rig = parse_settings(tomllib.loads(text.decode()), RigFile, f"{source.path}: {RIG_TOML}")
+    except ConfigError as error:
+        raise RunError(str(error)) from error
+    return _fitting(rig, meta, source.path)
