@@ -1,0 +1,185 @@
+"""The gateway's end of Zenoh: what is declared on the network, with which quality of service.
+
+Zenoh calls back on threads of its own. Here everything is handed to the asyncio loop, through an
+inbox that is bounded: a client that floods the rig loses its own messages and nothing else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Final
+
+import zenoh
+
+from hil.client import zenoh_config
+from hil.config import RigFile
+from hil.errors import ConfigError, RigInUse
+from hil.messages import LARGEST_PAYLOAD
+
+INBOX: Final = 512
+"""Messages that may wait for the loop; more than the worst client sends while it writes a chunk."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A message as it came. `payload` is None where it was too long to be looked at."""
+
+    payload: bytes | None
+    size: int
+    client: str
+    received_s: float
+
+
+class Inbox:
+    """Carries values from Zenoh's threads to the loop; beyond its bound they are dropped."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, handle: Callable[[Any], None]) -> None:
+        self._loop = loop
+        self._handle = handle
+        self._waiting: deque[Any] = deque()
+        self.dropped = 0
+
+    def put(self, value: Any) -> bool:
+        """From any thread; False if too many wait already."""
+        if len(self._waiting) >= INBOX:
+            self.dropped += 1
+            return False
+        self._waiting.append(value)
+        with suppress(RuntimeError):  # the loop has ended meanwhile
+            self._loop.call_soon_threadsafe(self._drain)
+        return True
+
+    def _drain(self) -> None:
+        while self._waiting:
+            self._handle(self._waiting.popleft())
+
+
+class RigSession:
+    """One rig on Zenoh. Opened on the loop's thread; every handler is called on that thread."""
+
+    def __init__(
+        self,
+        rig: RigFile,
+        *,
+        on_cue: Callable[[Arrival], None],
+        on_query: Callable[[zenoh.Query], None],
+        on_client: Callable[[tuple[str, bool]], None],
+    ) -> None:
+        self._prefix = f"hil/{rig.name}"
+        self._loop = asyncio.get_running_loop()
+        self.cues = Inbox(self._loop, on_cue)
+        self._queries = Inbox(self._loop, on_query)
+        self._clients = Inbox(self._loop, on_client)
+        self._schemas: dict[str, bytes] = {}
+        self._publishers: dict[str, Any] = {}
+        self._session = _open(rig)
+        self._declared: list[Any] = []
+
+    def declare(self, schemas: Mapping[str, dict[str, Any]]) -> None:
+        """Put everything on the network, the liveliness token last: who sees it finds the rest."""
+        session = self._session
+        for name, schema in schemas.items():
+            self._schemas[self.key(f"schema/{name}")] = json.dumps(schema).encode()
+        self._declared += [
+            session.declare_subscriber(self.key("cue"), self._on_cue),
+            session.declare_queryable(self.key("command/*"), self._on_query),
+            session.declare_queryable(self.key("schema/*"), self._on_schema),
+            session.liveliness().declare_subscriber(
+                self.key("client/*"), self._on_client, history=True
+            ),
+        ]
+        for key, payload in self._schemas.items():
+            session.put(key, payload, encoding=zenoh.Encoding.APPLICATION_JSON)
+        self._declared.append(session.liveliness().declare_token(self.key("alive")))
+
+    def key(self, tail: str) -> str:
+        """Key expression `hil/<rig>/<tail>`."""
+        return f"{self._prefix}/{tail}"
+
+    def publish(self, tail: str, payload: bytes, *, is_stream: bool) -> None:
+        """Publish JSON. Streams go first and unbatched; nothing here waits for a slow subscriber."""
+        publisher = self._publishers.get(tail)
+        if publisher is None:
+            publisher = self._publishers[tail] = self._session.declare_publisher(
+                self.key(tail),
+                encoding=zenoh.Encoding.APPLICATION_JSON,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.REAL_TIME if is_stream else zenoh.Priority.DATA_HIGH,
+                express=is_stream,
+            )
+        publisher.put(payload)
+
+    def reply(self, query: zenoh.Query, payload: bytes) -> None:
+        """Answer a command; a client that is gone meanwhile is no error."""
+        with suppress(zenoh.ZError), query:
+            query.reply(
+                query.key_expr, payload, encoding=zenoh.Encoding.APPLICATION_JSON, express=True
+            )
+
+    def close(self) -> None:
+        """Leave the network: the liveliness token goes first."""
+        for declared in reversed(self._declared):
+            with suppress(zenoh.ZError):
+                declared.undeclare()
+        self._declared = []
+        self._session.close()
+
+    def _on_cue(self, sample: zenoh.Sample) -> None:
+        now_s = time.monotonic()
+        size = len(sample.payload)
+        source = sample.source_info
+        client = client_identity(
+            sample.attachment.to_bytes() if sample.attachment is not None else b"",
+            str(source.source_id.zid) if source is not None else "",
+        )
+        payload = sample.payload.to_bytes() if size <= LARGEST_PAYLOAD else None
+        self.cues.put(Arrival(payload, size, client, now_s))
+
+    def _on_query(self, query: zenoh.Query) -> None:
+        if not self._queries.put(query):
+            with suppress(zenoh.ZError), query:
+                query.reply_err("too many commands wait already")
+
+    def _on_schema(self, query: zenoh.Query) -> None:
+        with suppress(zenoh.ZError), query:
+            for key, payload in self._schemas.items():
+                if query.key_expr.intersects(key):
+                    query.reply(key, payload, encoding=zenoh.Encoding.APPLICATION_JSON)
+
+    def _on_client(self, sample: zenoh.Sample) -> None:
+        name = str(sample.key_expr).rpartition("/")[2]
+        self._clients.put((name, sample.kind == zenoh.SampleKind.PUT))
+
+
+def client_identity(name: bytes, zid: str) -> str:
+    """Who sent a cue, in at most 32 bytes: its name (attachment) and its session, as far as told.
+
+    Two clients that tell neither cannot be told apart; both are "anonymous".
+    """
+    text = "".join(c for c in name[:64].decode(errors="replace") if c.isalnum() or c in "-_.")
+    session = f"@{zid[:8]}" if zid else ""
+    return f"{text[:20].encode()[:20].decode(errors='ignore')}{session}" or "anonymous"
+
+
+def _open(rig: RigFile) -> Any:
+    settings = rig.zenoh
+    where = ", ".join((*settings.listen, *settings.connect)) or settings.config
+    try:
+        config = zenoh_config("peer", settings.listen, settings.connect, settings.config)
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        text = str(error)
+        if "in use" in text:
+            raise RigInUse(
+                f"zenoh.listen: {where} is taken: another daemon, or another program, listens "
+                "there; stop it or give this rig another endpoint"
+            ) from error
+        raise ConfigError(
+            f"zenoh: {where} cannot be opened: {text.partition(' at /')[0]}"
+        ) from error
