@@ -6,6 +6,8 @@ in `hil.rigs.kernel`; reflected (n,): rotor masses at the actuators' outputs. SI
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hil.compiled import compiled
@@ -63,8 +65,8 @@ def forward_kinematics(  # type: ignore[no-untyped-def]
     """Newton's method from the guess q (n,), which becomes the pose; returns (residual, steps taken).
 
     Steps until max |rho(q) - rho| <= tolerance (m, rad), at most `iterations`; NaN where J is
-    singular. J is that of the coordinates' rates, J_W blkdiag(1, E), without which convergence is
-    only linear [V].
+    singular or a value is NaN. J is that of the coordinates' rates, J_W blkdiag(1, E), without
+    which convergence is only linear [V].
     """
     n = q.shape[0]
     M, h, here, J, jdqd = np.empty((n, n)), np.empty(n), np.empty(n), np.empty((n, n)), np.empty(n)
@@ -75,6 +77,8 @@ def forward_kinematics(  # type: ignore[no-untyped-def]
         residual = 0.0
         for i in range(n):
             here[i] = rho[i] - here[i]
+            if math.isnan(here[i]):  # max() would lose it, and a lost NaN looks converged
+                return np.nan, step
             residual = max(residual, abs(here[i]))
         if not residual > tolerance or step == iterations:
             return residual, step
