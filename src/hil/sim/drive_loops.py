@@ -1,0 +1,184 @@
+"""The servo drive: setpoints into a reference, P position loop, PI speed loop, current-loop lag.
+
+Drive model of the project's rigs [M: CDD3000 class drive]: setpoints arrive each bus cycle T_c; the drive
+runs in a straight line to a new one over one T_c (`linear`), from the first position-loop tick after its
+arrival, or jumps (`hold`). `retimed`: setpoints wait in a queue and the drive takes one each T_c of its
+own clock, which starts one cycle after the first arrival, so send jitter does not show; an empty queue
+skips a cycle, which fills it again. Law "pd": F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static
+("Towards Simulating a Mid-size Stewart Platform on a Large Hexapod Simulator", eqs (7)-(8), with damping
+on the speed error [R]).
+
+Mode off: no current; the holding brake is closed and acts as friction of F_max. It opens when the drive
+is enabled with position setpoints at once, with force setpoints at the first of them.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hil.compiled import compiled
+from hil.sim import layout as lay
+
+EPSILON_S = 1e-9
+"""Instants nearer than this are the same: ticks are products k dt, rounded."""
+QUEUE = 4
+
+
+@compiled
+def encoder(act, i, x):  # type: ignore[no-untyped-def]
+    """(reading, d reading / d x) of the motor encoder where the motor stands at output position x."""
+    home = act[lay.A_HOME, i]
+    reading = home + act[lay.A_OFFSET, i] + (x - home) / act[lay.A_LEAD, i]
+    ratio = 1.0 / act[lay.A_LEAD, i]
+    if act[lay.A_LEAD_A, i] != 0.0:
+        w = 2.0 * math.pi / act[lay.A_LEAD_P, i]
+        reading -= act[lay.A_LEAD_A, i] * math.sin(w * (x - home))
+        ratio -= act[lay.A_LEAD_A, i] * w * math.cos(w * (x - home))
+    return reading, ratio
+
+
+@compiled
+def set_mode(st, i, mode):  # type: ignore[no-untyped-def]
+    """Switch drive i; in "position" it holds where it stands until a setpoint comes."""
+    st[lay.S_INTEGRAL, i] = st[lay.S_CURRENT, i] if mode == lay.MODE_POSITION else 0.0
+    st[lay.S_MODE, i] = mode
+    st[lay.S_BRAKE, i] = 0.0 if mode == lay.MODE_POSITION else 1.0
+    st[lay.S_FORCE_SETPOINT, i] = 0.0
+    st[lay.S_X0, i] = st[lay.S_XD, i]
+    st[lay.S_X1, i] = st[lay.S_XD, i]
+    for row in (
+        lay.S_SLOPE, lay.S_AREF, lay.S_VREF, lay.S_FF, lay.S_HAS_PENDING, lay.S_FIFO_N, lay.S_FREF,
+    ):  # fmt: skip
+        st[row, i] = 0.0
+    st[lay.S_T0, i] = -1.0
+    st[lay.S_T1, i] = -1.0
+    st[lay.S_IDLE, i] = 1.0
+
+
+@compiled
+def deliver(header, st, i, value, kind, t):  # type: ignore[no-untyped-def]
+    """A setpoint (meant as the drive's mode says) or a change of mode reaches drive i at instant t."""
+    if kind == lay.EVENT_MODE:
+        set_mode(st, i, int(value))
+    elif st[lay.S_MODE, i] == lay.MODE_FORCE:
+        st[lay.S_FORCE_SETPOINT, i] = value
+        st[lay.S_BRAKE, i] = 0.0
+    elif st[lay.S_MODE, i] == lay.MODE_POSITION:
+        if header[lay.H_RETIMED] == 0.0:
+            st[lay.S_PENDING, i] = value
+            st[lay.S_HAS_PENDING, i] = 1.0
+            return
+        if st[lay.S_IDLE, i] != 0.0:
+            st[lay.S_PLAY, i] = t + header[lay.H_CYCLE]
+            st[lay.S_IDLE, i] = 0.0
+        n = int(st[lay.S_FIFO_N, i])
+        if n == QUEUE:  # too full: the oldest goes
+            for k in range(QUEUE - 1):
+                st[lay.S_FIFO + k, i] = st[lay.S_FIFO + k + 1, i]
+            n -= 1
+        st[lay.S_FIFO + n, i] = value
+        st[lay.S_FIFO_N, i] = n + 1
+
+
+@compiled
+def reference(st, i, t):  # type: ignore[no-untyped-def]
+    """(position, speed) that drive i's present segment asks for at instant t."""
+    if t >= st[lay.S_T1, i] - EPSILON_S:
+        return st[lay.S_X1, i], 0.0
+    return st[lay.S_X0, i] + st[lay.S_SLOPE, i] * (t - st[lay.S_T0, i]), st[lay.S_SLOPE, i]
+
+
+@compiled
+def _start_segment(header, st, i, target, t):  # type: ignore[no-untyped-def]
+    if header[lay.H_LINEAR] == 0.0:
+        st[lay.S_X1, i] = target
+        st[lay.S_T1, i] = t
+        return
+    cycle = header[lay.H_CYCLE]
+    start, _ = reference(st, i, t)
+    # A segment that ended a moment ago (jitter) still counts as the speed before.
+    before = st[lay.S_SLOPE, i] if t <= st[lay.S_T1, i] + 0.5 * cycle else 0.0
+    slope = (target - start) / cycle
+    st[lay.S_AREF, i] = (slope - before) / cycle
+    st[lay.S_SLOPE, i] = slope
+    st[lay.S_X0, i] = start
+    st[lay.S_X1, i] = target
+    st[lay.S_T0, i] = t
+    st[lay.S_T1, i] = t + cycle
+
+
+@compiled
+def _take_setpoint(header, st, i, t):  # type: ignore[no-untyped-def]
+    if st[lay.S_HAS_PENDING, i] != 0.0:
+        st[lay.S_HAS_PENDING, i] = 0.0
+        _start_segment(header, st, i, st[lay.S_PENDING, i], t)
+    if (
+        header[lay.H_RETIMED] == 0.0
+        or st[lay.S_IDLE, i] != 0.0
+        or t < st[lay.S_PLAY, i] - EPSILON_S
+    ):
+        return
+    n = int(st[lay.S_FIFO_N, i])
+    if n > 0:
+        target = st[lay.S_FIFO, i]
+        for k in range(n - 1):
+            st[lay.S_FIFO + k, i] = st[lay.S_FIFO + k + 1, i]
+        st[lay.S_FIFO_N, i] = n - 1
+        _start_segment(header, st, i, target, st[lay.S_PLAY, i])
+    elif st[lay.S_PLAY, i] > st[lay.S_T1, i] + 2.0 * header[lay.H_CYCLE]:
+        st[lay.S_IDLE, i] = 1.0
+    st[lay.S_PLAY, i] += header[lay.H_CYCLE]
+
+
+@compiled
+def position_loops(header, act, st, t):  # type: ignore[no-untyped-def]
+    """One tick of every drive's position loop: takes setpoints, sets speed reference and pre-control."""
+    for i in range(st.shape[1]):
+        if st[lay.S_MODE, i] != lay.MODE_POSITION:
+            continue
+        _take_setpoint(header, st, i, t)
+        x_ref, speed = reference(st, i, t)
+        cycle_ends = st[lay.S_T0, i] + header[lay.H_CYCLE] - EPSILON_S
+        acceleration = st[lay.S_AREF, i] if t < cycle_ends else 0.0
+        ahead = act[lay.A_KFA, i] * act[lay.A_MEFF, i] * acceleration
+        if act[lay.A_KFF, i] != 0.0 and speed != 0.0:
+            coulomb = math.copysign(act[lay.A_FF_COULOMB, i], speed)
+            ahead += act[lay.A_KFF, i] * (act[lay.A_FF_VISCOUS, i] * speed + coulomb)
+        v_ref = act[lay.A_KP, i] * (x_ref - st[lay.S_XD, i]) + act[lay.A_KFV, i] * speed
+        st[lay.S_VREF, i] = min(max(v_ref, -act[lay.A_VMAX, i]), act[lay.A_VMAX, i])
+        st[lay.S_FF, i] = ahead
+
+
+@compiled
+def speed_loops(header, act, st, t):  # type: ignore[no-untyped-def]
+    """One tick of every drive's speed loop (or "pd" law): sets the force reference."""
+    dt = header[lay.H_DT]
+    for i in range(st.shape[1]):
+        limit = act[lay.A_FMAX, i]
+        if st[lay.S_MODE, i] == lay.MODE_OFF:
+            st[lay.S_FREF, i] = 0.0
+        elif st[lay.S_MODE, i] == lay.MODE_FORCE:
+            st[lay.S_FREF, i] = min(max(st[lay.S_FORCE_SETPOINT, i], -limit), limit)
+        elif act[lay.A_PD, i] != 0.0:
+            x_ref, speed = reference(st, i, t)
+            force = act[lay.A_KP, i] * (x_ref - st[lay.S_XD, i])
+            force += act[lay.A_KV, i] * (act[lay.A_KFV, i] * speed - st[lay.S_VD, i])
+            force += act[lay.A_STATIC_FF, i] * st[lay.S_STATIC, i] + st[lay.S_FF, i]
+            st[lay.S_FREF, i] = min(max(force, -limit), limit)
+        else:
+            error = st[lay.S_VREF, i] - st[lay.S_VD, i]
+            force = act[lay.A_KV, i] * error + st[lay.S_INTEGRAL, i] + st[lay.S_FF, i]
+            bounded = min(max(force, -limit), limit)
+            st[lay.S_FREF, i] = bounded
+            if (force - bounded) * error <= 0.0:  # anti-windup: no further into the limit
+                st[lay.S_INTEGRAL, i] += act[lay.A_KI, i] * error * dt
+
+
+@compiled
+def mean_force(act, st, i, h):  # type: ignore[no-untyped-def]
+    """Advance current loop i by h; returns the mean over h of the force its current stands for."""
+    a = act[lay.A_CURRENT_W, i] * h
+    decay = math.exp(-a)
+    deviation = st[lay.S_CURRENT, i] - st[lay.S_FREF, i]
+    st[lay.S_CURRENT, i] = st[lay.S_FREF, i] + deviation * decay
+    return st[lay.S_FREF, i] + deviation * (1.0 - decay) / a

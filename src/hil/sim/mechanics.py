@@ -1,0 +1,294 @@
+"""One integration step of platform, transmissions and friction, for any kind of rig.
+
+M(q) qdd + h = J^T tau, rho' = J qd: tau_i is the force that actuator i's motor side transmits to the load;
+the motor obeys m_r v_m' = F - friction - tau. A rigid transmission ties v_m = (J qd)_i, a compliant one
+is a spring and damper on the wind-up e = x_m - rho, backlash a dead band of `gap` in it.
+
+Scheme: leapfrog (drift half a step, kick with M, J, h at the middle, drift half), which is exact for
+constant acceleration, second order and free of energy drift for conservative loads; viscous friction
+and the hysteresis spring by the trapezoidal rule; the wind-up spring implicit, trapezoidal while it is
+soft against the step and implicit Euler as it gets stiff, so that stiffness -> infinity runs smoothly
+into the rigid transmission; stick, slip and contact solved exactly at the new velocities.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hil.compiled import compiled
+from hil.rigs.kernel import terms
+from hil.sim import layout as lay
+from hil.sim.drive_loops import encoder
+from hil.sim.friction import friction_band, hysteresis_advance, solve_stick_slip
+
+RIGID = 3.0
+ALWAYS = 2.0
+"""Contact of a transmission: rigid, springy without gap, or at the -1 / +1 flank, or 0 within the gap."""
+CONTACT_PASSES = 8
+STOP_W = 2.0 * math.pi * 30.0
+"""End stops: a mass of `effective_mass` on them swings with 30 Hz, half damped [R]."""
+
+(
+    W_QH, W_QP, W_H, W_RHO, W_JDQD, W_LO, W_HI, W_C, W_F0, W_MU, W_PSI, W_KAPPA, W_DINV, W_VA,
+    W_ALPHA, W_BETA, W_THETA, W_QD, W_V, W_R, W_PHI, W_X, W_Y, W_STOP_C, W_STOP_F,
+) = range(25)  # fmt: skip
+WORK_ROWS = 25
+WORK_MATRICES = 6
+
+
+@compiled
+def _resist(act, st, w, i, h, force):  # type: ignore[no-untyped-def]
+    """Motor-side forces that need no solving: F0 - C v+ ; friction band; end stop on the load."""
+    v = st[lay.S_VM, i]
+    x = st[lay.S_RHO, i] + st[lay.S_WINDUP, i] + 0.5 * h * v
+    _, ratio = encoder(act, i, x)
+    f0 = act[lay.A_FORCE_SCALE, i] * ratio * force
+    if act[lay.A_RIPPLE_A, i] != 0.0:
+        turn = 2.0 * math.pi * (x - act[lay.A_HOME, i]) / act[lay.A_RIPPLE_P, i]
+        f0 += act[lay.A_RIPPLE_A, i] * math.sin(turn + act[lay.A_RIPPLE_PHASE, i])
+    c = 0.5 * act[lay.A_VISCOUS, i]
+    if act[lay.A_HYST_F, i] != 0.0:
+        z = st[lay.S_HYST, i]
+        way = 0.0 if v == 0.0 else math.copysign(1.0, v)
+        c += 0.25 * h * act[lay.A_HYST_F, i] / act[lay.A_HYST_X, i] * (1.0 - z * way)
+        f0 -= act[lay.A_HYST_F, i] * z
+    w[W_C, i] = c
+    w[W_F0, i] = f0 - c * v
+    w[W_LO, i], w[W_HI, i] = friction_band(act, st, i)
+    rho = w[W_RHO, i]
+    past = max(rho - act[lay.A_UPPER, i], 0.0) + min(rho - act[lay.A_LOWER, i], 0.0)
+    w[W_STOP_C, i] = 0.0
+    w[W_STOP_F, i] = 0.0
+    if past != 0.0:
+        k = act[lay.A_MEFF, i] * STOP_W**2
+        w[W_STOP_C, i] = 0.5 * h * k
+        w[W_STOP_F, i] = -k * past
+        if past * st[lay.S_RATE, i] > 0.0:
+            w[W_STOP_C, i] += act[lay.A_MEFF, i] * STOP_W
+
+
+@compiled
+def _couple(act, st, w, i, h):  # type: ignore[no-untyped-def]
+    """How motor i reaches the load in this step: added mass MU and impulse PSI seen there, share KAPPA."""
+    m = act[lay.A_REFLECTED, i]
+    c = w[W_C, i]
+    push = m * st[lay.S_VM, i] + h * w[W_F0, i]
+    contact = st[lay.S_CONTACT, i]
+    if contact == RIGID:
+        w[W_KAPPA, i] = 1.0
+        w[W_DINV, i] = 0.0
+        w[W_VA, i] = 0.0
+        w[W_MU, i] = m + h * c
+        w[W_PSI, i] = push
+    else:
+        m = max(m, 1e-3 * act[lay.A_MEFF, i])
+        push = m * st[lay.S_VM, i] + h * w[W_F0, i]
+        alpha, beta, theta = 0.0, 0.0, 0.5
+        if contact != 0.0:
+            load = max(act[lay.A_MEFF, i] - m, 0.1 * act[lay.A_MEFF, i])
+            inverse = 1.0 / m + 1.0 / load
+            k, d = act[lay.A_STIFFNESS, i], act[lay.A_DAMPING, i]
+            if k == math.inf:  # flank of a rigid transmission: meets it without bounce
+                k, d = 1e6 / (inverse * h * h), 0.0
+            stiff = 0.25 * inverse * (k * h * h + d * h)
+            theta = 0.5 + 0.5 * stiff / (1.0 + stiff)
+            u = st[lay.S_VM, i] - st[lay.S_RATE, i]
+            e = st[lay.S_WINDUP, i]
+            if contact != ALWAYS:
+                e -= 0.5 * contact * act[lay.A_GAP, i]
+            alpha = k * (e + theta * (1.0 - theta) * h * u) + (1.0 - theta) * d * u
+            beta = theta * theta * k * h + theta * d
+        D = m + h * (c + beta)
+        w[W_ALPHA, i], w[W_BETA, i], w[W_THETA, i] = alpha, beta, theta
+        kappa = h * beta / D
+        w[W_KAPPA, i] = kappa
+        w[W_DINV, i] = 1.0 / D
+        w[W_VA, i] = (push - h * alpha) / D
+        w[W_MU, i] = kappa * (m + h * c)
+        w[W_PSI, i] = kappa * push + (1.0 - kappa) * h * alpha
+    w[W_MU, i] += h * w[W_STOP_C, i]
+    w[W_PSI, i] += h * w[W_STOP_F, i]
+
+
+@compiled
+def _factor(M, J, w, S):  # type: ignore[no-untyped-def]
+    """Lower Cholesky factor of M + J^T diag(MU) J in S."""
+    n = S.shape[0]
+    for a in range(n):
+        for b in range(a + 1):
+            s = M[a, b]
+            for i in range(n):
+                s += w[W_MU, i] * J[i, a] * J[i, b]
+            for k in range(b):
+                s -= S[a, k] * S[b, k]
+            S[a, b] = s / S[b, b] if b < a else math.sqrt(s)
+
+
+@compiled
+def _velocities(st, w, M, J, S, h):  # type: ignore[no-untyped-def]
+    """New qd, actuator rates R and motor velocities V for friction PHI."""
+    n = S.shape[0]
+    x = w[W_X]
+    for a in range(n):
+        s = -h * w[W_H, a]
+        for b in range(n):
+            s += M[a, b] * st[lay.S_QD, b]
+            s += J[b, a] * (w[W_PSI, b] + h * w[W_KAPPA, b] * w[W_PHI, b])
+        for k in range(a):
+            s -= S[a, k] * x[k]
+        x[a] = s / S[a, a]
+    for a in range(n - 1, -1, -1):
+        s = x[a]
+        for k in range(a + 1, n):
+            s -= S[k, a] * w[W_QD, k]
+        w[W_QD, a] = s / S[a, a]
+    for i in range(n):
+        r = 0.0
+        for a in range(n):
+            r += J[i, a] * w[W_QD, a]
+        w[W_R, i] = r
+        free = w[W_VA, i] + h * w[W_DINV, i] * w[W_PHI, i]
+        w[W_V, i] = free + w[W_KAPPA, i] * r
+
+
+@compiled
+def _solve(st, w, mats, h):  # type: ignore[no-untyped-def]
+    """Friction forces and new velocities for the present contacts."""
+    M, J, S, Y, W, K = mats[0], mats[1], mats[2], mats[3], mats[4], mats[5]
+    n = S.shape[0]
+    _factor(M, J, w, S)
+    slip, phi = st[lay.S_SLIP], w[W_PHI]
+    slipping = True
+    for i in range(n):
+        if w[W_LO, i] + w[W_HI, i] == 0.0:
+            phi[i] = 0.0
+        elif slip[i] == 0.0:
+            slipping = False
+        else:
+            phi[i] = -w[W_HI, i] if slip[i] > 0.0 else w[W_LO, i]
+    if slipping:  # as in the last step, most likely
+        _velocities(st, w, M, J, S, h)
+        for i in range(n):
+            if w[W_V, i] * slip[i] < 0.0 and w[W_LO, i] + w[W_HI, i] > 0.0:
+                slipping = False
+        if slipping:
+            return
+    for i in range(n):
+        phi[i] = 0.0
+    _velocities(st, w, M, J, S, h)
+    for i in range(n):  # Y = S^-1 J^T, column i
+        for a in range(n):
+            s = J[i, a]
+            for k in range(a):
+                s -= S[a, k] * Y[k, i]
+            Y[a, i] = s / S[a, a]
+    for i in range(n):
+        for j in range(i + 1):
+            s = 0.0
+            for k in range(n):
+                s += Y[k, i] * Y[k, j]
+            s *= h * w[W_KAPPA, i] * w[W_KAPPA, j]
+            W[i, j] = s
+            W[j, i] = s
+        W[i, i] += h * w[W_DINV, i]
+    solve_stick_slip(W, w[W_V], w[W_LO], w[W_HI], slip, phi, K, w[W_Y])
+    _velocities(st, w, M, J, S, h)
+    for i in range(n):
+        if slip[i] == 0.0:  # exactly, not to rounding
+            w[W_V, i] = 0.0
+            if st[lay.S_CONTACT, i] == RIGID:
+                w[W_R, i] = 0.0
+
+
+@compiled
+def _contacts(act, st, w, h):  # type: ignore[no-untyped-def]
+    """Touch and release flanks where the solution asks for it; True if any contact changed."""
+    changed = False
+    for i in range(st.shape[1]):
+        contact = st[lay.S_CONTACT, i]
+        if contact > 1.5:
+            continue
+        u = w[W_V, i] - w[W_R, i]
+        if contact != 0.0:
+            if (w[W_ALPHA, i] + w[W_BETA, i] * u) * contact < 0.0:
+                st[lay.S_CONTACT, i] = 0.0
+                changed = True
+        else:
+            before = st[lay.S_VM, i] - st[lay.S_RATE, i]
+            e = st[lay.S_WINDUP, i] + 0.5 * h * (u + before)
+            if abs(e) > 0.5 * act[lay.A_GAP, i]:
+                st[lay.S_CONTACT, i] = math.copysign(1.0, e)
+                changed = True
+    return changed
+
+
+@compiled
+def classify_contacts(act, st):  # type: ignore[no-untyped-def]
+    """Set the contact of each transmission by its constants, keeping a flank where there is a gap."""
+    for i in range(st.shape[1]):
+        if act[lay.A_GAP, i] > 0.0:
+            if st[lay.S_CONTACT, i] > 1.5:
+                st[lay.S_CONTACT, i] = 0.0
+        elif act[lay.A_STIFFNESS, i] == math.inf:
+            st[lay.S_CONTACT, i] = RIGID
+            st[lay.S_WINDUP, i] = 0.0
+            st[lay.S_VM, i] = st[lay.S_RATE, i]
+        else:
+            st[lay.S_CONTACT, i] = ALWAYS
+
+
+@compiled
+def step(kind, act, geometry, body, legs, gravity, st, w, mats, force, h):  # type: ignore[no-untyped-def]
+    """Advance the mechanics by h; `force` (n,) is the mean over h of the force by the drives' currents.
+
+    `w` (WORK_ROWS, n) and `mats` (WORK_MATRICES, n, n) are scratch; on return w[W_QH] is the pose at the
+    middle of the step.
+    """
+    n = st.shape[1]
+    for a in range(n):
+        w[W_QH, a] = st[lay.S_Q, a] + 0.5 * h * st[lay.S_QD, a]
+        w[W_QP, a] = st[lay.S_QD, a] + 0.5 * h * st[lay.S_QDD, a]
+    J = mats[1]
+    terms(
+        kind,
+        geometry,
+        body,
+        legs,
+        gravity,
+        w[W_QH],
+        w[W_QP],
+        mats[0],
+        w[W_H],
+        w[W_RHO],
+        J,
+        w[W_JDQD],
+    )
+    for i in range(n):
+        _resist(act, st, w, i, h, force[i])
+    for _ in range(CONTACT_PASSES):
+        for i in range(n):
+            _couple(act, st, w, i, h)
+        _solve(st, w, mats, h)
+        if not _contacts(act, st, w, h):
+            break
+    for i in range(n):
+        v, r = w[W_V, i], w[W_R, i]
+        v_old = st[lay.S_VM, i]
+        resist = w[W_F0, i] - w[W_C, i] * v + w[W_PHI, i]
+        st[lay.S_LOAD, i] = resist - act[lay.A_REFLECTED, i] * (v - v_old) / h
+        if st[lay.S_CONTACT, i] != RIGID:
+            theta = w[W_THETA, i]
+            u_old = v_old - st[lay.S_RATE, i]
+            st[lay.S_WINDUP, i] += h * (theta * (v - r) + (1.0 - theta) * u_old)
+            st[lay.S_LOAD, i] = w[W_ALPHA, i] + w[W_BETA, i] * (v - r)
+        if act[lay.A_HYST_F, i] != 0.0:
+            travel = 0.5 * h * (v + v_old)
+            st[lay.S_HYST, i] = hysteresis_advance(st[lay.S_HYST, i], travel, act[lay.A_HYST_X, i])
+        st[lay.S_FRICTION, i] = w[W_PHI, i]
+        st[lay.S_VM, i] = v
+        st[lay.S_RATE, i] = r
+        st[lay.S_RHO, i] = w[W_RHO, i] + 0.5 * h * r + 0.125 * h * h * w[W_JDQD, i]
+    for a in range(n):
+        st[lay.S_QDD, a] = (w[W_QD, a] - st[lay.S_QD, a]) / h
+        st[lay.S_QD, a] = w[W_QD, a]
+        st[lay.S_Q, a] = w[W_QH, a] + 0.5 * h * w[W_QD, a]
