@@ -145,7 +145,7 @@ class BitBus:
         """
         deliveries: list[Delivery] = []
         self._advanced_s = max(self._advanced_s, now_s)
-        while (due_s := self.next_due_s) <= now_s:
+        while (due_s := self.next_due_s) <= now_s and due_s < math.inf:
             if self._notices and self._notices[0][0] <= due_s:
                 self._notice(deliveries)
             elif self._later and self._later[0][0] <= due_s:
