@@ -1,0 +1,171 @@
+"""The gate's rules for setpoints: small functions that say which rule a value breaks.
+
+Every comparison asks for what is allowed (`not value <= bound`), so that NaN is refused. A position
+setpoint is judged as the drive will run it: in a straight line over whole bus cycles.
+
+Send jitter: the time since the setpoint before is counted in whole cycles of the sender's schedule, at
+least one, so a frame that leaves up to half a cycle late or early changes nothing. Where more than one
+cycle has gone by, the setpoint may carry the travel of one cycle (a late frame) or of all of them (cycles
+that were skipped), and its speed is taken as the one of these nearest to the speed before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from hil.config import RigFile
+from hil.drives.meaning import SetpointKind
+from hil.safety.rulenames import Rule
+
+SLACK: Final = 1.05
+"""Setpoints may exceed velocity_max and acceleration_max by this factor: they are chords of a curve that
+was planned to the limits, rounded to the drive's increments."""
+RESYNC_CYCLES: Final = 0.5
+"""How far the sender's schedule, as the gate reckons it, may run ahead of the clock, cycles."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveLimits:
+    """What setpoints of one drive must keep to, SI at the actuator's output."""
+
+    name: str
+    kind: SetpointKind
+    low_m: float
+    """Lowest position setpoint: the stroke's lower end plus the margin, m or rad."""
+    high_m: float
+    velocity_max: float
+    acceleration_max: float
+    force_max_n: float
+    following_error_m: float
+    resolution_m: float
+    """One increment of the drive's position reference."""
+
+
+@dataclass(frozen=True, slots=True)
+class GateLimits:
+    """What the gate holds a rig to."""
+
+    drives: tuple[DriveLimits, ...]
+    cycle_s: float
+    fresh_s: float
+    """A measured position older than this is worth nothing."""
+
+
+class Measured(NamedTuple):
+    """A measured position and when it was received."""
+
+    value: float
+    at_s: float
+
+
+class Passed(NamedTuple):
+    """The last position setpoint that went out, and how it continues."""
+
+    value: float
+    speed: float
+    slot_s: float
+    """Its instant on the sender's schedule: without send jitter, s."""
+    at_s: float
+    """When it went out, s."""
+
+
+class Broken(NamedTuple):
+    """A rule that a setpoint breaks, and the sentence that says how."""
+
+    rule: Rule
+    text: str
+
+
+def gate_limits(rig: RigFile) -> GateLimits:
+    """The gate's limits from a rig file."""
+    safety = rig.safety
+    kind: SetpointKind = "position" if rig.control.mode == "drive" else "force"
+    return GateLimits(
+        drives=tuple(
+            DriveLimits(
+                name=a.name,
+                kind=kind,
+                low_m=a.stroke[0] + safety.stroke_margin,
+                high_m=a.stroke[1] - safety.stroke_margin,
+                velocity_max=a.velocity_max,
+                acceleration_max=a.acceleration_max,
+                force_max_n=a.force_max,
+                following_error_m=safety.following_error,
+                resolution_m=1.0 / a.drive.counts_per_unit,
+            )
+            for a in rig.actuators
+        ),
+        cycle_s=rig.bus.cycle,
+        fresh_s=safety.answer_timeout,
+    )
+
+
+def judge_measured(measured: Measured | None, fresh_s: float, now_s: float) -> Broken | None:
+    """Nothing is asked of a drive whose position is not known now."""
+    if measured is None:
+        return Broken(Rule.NOT_MEASURED, "its position has never been measured")
+    if not abs(now_s - measured.at_s) <= fresh_s:
+        return Broken(
+            Rule.NOT_MEASURED,
+            f"its position was last measured {now_s - measured.at_s:.3f} s ago, {fresh_s:g} s allowed",
+        )
+    return None
+
+
+def judge_force(limits: DriveLimits, force_n: float) -> Broken | None:
+    """A force setpoint stays within the drive's force."""
+    if not abs(force_n) <= limits.force_max_n:
+        return Broken(
+            Rule.FORCE, f"force {force_n:.1f} N is beyond ±{limits.force_max_n:g} N (force_max)"
+        )
+    return None
+
+
+def judge_position(
+    limits: DriveLimits,
+    cycle_s: float,
+    last: Passed | None,
+    measured: Measured,
+    now_s: float,
+    value: float,
+) -> Passed | Broken:
+    """A position setpoint inside stroke, near the measured position, not too fast, not too sudden.
+
+    `last` is None for the first setpoint after power-on or after a gap: it is then judged as if the
+    measured position, at rest, had been the setpoint one cycle ago.
+    """
+    if not limits.low_m <= value <= limits.high_m:
+        return Broken(
+            Rule.STROKE,
+            f"setpoint {value:.5f} is outside {limits.low_m:g}..{limits.high_m:g} (stroke less margin)",
+        )
+    if not abs(value - measured.value) <= limits.following_error_m:
+        return Broken(
+            Rule.FOLLOWING,
+            f"setpoint {value:.5f} is {abs(value - measured.value):.5f} from the measured "
+            f"{measured.value:.5f}, {limits.following_error_m:g} allowed (following_error)",
+        )
+    before = last or Passed(measured.value, 0.0, now_s - cycle_s, now_s - cycle_s)
+    cycles = max(1, round((now_s - before.slot_s) / cycle_s))
+    slowest = (value - before.value) / (cycles * cycle_s)
+    fastest = (value - before.value) / cycle_s
+    top = limits.velocity_max * SLACK
+    if not abs(slowest) <= top:
+        return Broken(
+            Rule.SPEED,
+            f"setpoint asks for {abs(slowest):.4f} /s, {top:.4f} /s allowed (velocity_max)",
+        )
+    low, high = min(slowest, fastest), max(slowest, fastest)
+    speed = min(max(before.speed, low), high)
+    sudden = (
+        limits.acceleration_max * SLACK * cycles * cycle_s + 2.0 * limits.resolution_m / cycle_s
+    )
+    if not abs(speed - before.speed) <= sudden:
+        return Broken(
+            Rule.ACCELERATION,
+            f"setpoint changes speed from {before.speed:.4f} to {speed:.4f} /s at once, "
+            f"{sudden:.4f} allowed (acceleration_max)",
+        )
+    slot_s = min(before.slot_s + cycles * cycle_s, now_s + RESYNC_CYCLES * cycle_s)
+    return Passed(value, speed, slot_s, now_s)

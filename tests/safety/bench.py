@@ -1,0 +1,95 @@
+"""A rig of round numbers for the gate, with frames whose bytes are read at a glance.
+
+Every limit is exact in binary floating point, so "just inside, at, just outside" mean what they say.
+Cycle 1 s, velocity_max 20 (so 21 pass), acceleration_max 20 (21 per cycle and one increment's rounding
+2·2**-10), following_error 50, stroke less margin -100..100, force_max 64, measurements fresh for 5 s.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+from hil.drives.meaning import Ask, Meaning
+from hil.frames import Frame
+from hil.safety.rules import DriveLimits, GateLimits
+
+ON, FORCE, OFF, REQUEST, SYSTEM = 0x100, 0x180, 0x200, 0x300, 0x080
+START, STOP = b"\x01", b"\x00"
+EPS = 2.0**-20
+
+
+class BenchMeaning:
+    """Frames of the bench: a float64 is a setpoint, a request's first byte is its ask."""
+
+    lengths: Mapping[int, int] = {
+        SYSTEM: 1,
+        **{
+            base + i: size
+            for i in range(2)
+            for base, size in ((ON, 8), (FORCE, 8), (OFF, 1), (REQUEST, 2))
+        },
+    }
+    writable = frozenset({7, 8})
+
+    def meaning(self, can_id: int, data: bytes) -> Meaning:
+        if can_id == SYSTEM:
+            return {START: Meaning(Ask.SYSTEM_START), STOP: Meaning(Ask.SYSTEM_STOP)}.get(
+                data, Meaning(Ask.UNKNOWN, text="neither start nor stop")
+            )
+        base, i = can_id & ~0x7F if can_id < FORCE or can_id >= OFF else FORCE, can_id & 0x7F
+        if base in (ON, FORCE):
+            kind = "position" if base == ON else "force"
+            return Meaning(Ask.POWER_ON, i, kind=kind, setpoint=struct.unpack("<d", data)[0])  # type: ignore[arg-type]
+        if base == OFF:
+            return Meaning(Ask.POWER_OFF if data == b"\x00" else Ask.FAULT_RESET, i)
+        return Meaning(Ask.WRITE if data[0] else Ask.READ, i, parameter=data[1])
+
+
+def limits(kind: str = "position", **changed: Any) -> GateLimits:
+    """Two drives of round numbers."""
+    values: dict[str, Any] = {
+        "kind": kind,
+        "low_m": -100.0,
+        "high_m": 100.0,
+        "velocity_max": 20.0,
+        "acceleration_max": 20.0,
+        "force_max_n": 64.0,
+        "following_error_m": 50.0,
+        "resolution_m": 2.0**-10,
+        **changed,
+    }
+    return GateLimits(
+        drives=tuple(DriveLimits(name=name, **values) for name in ("left", "right")),
+        cycle_s=1.0,
+        fresh_s=5.0,
+    )
+
+
+def on(value: float, i: int = 0) -> Frame:
+    return Frame(ON + i, struct.pack("<d", value))
+
+
+def force(value: float, i: int = 0) -> Frame:
+    return Frame(FORCE + i, struct.pack("<d", value))
+
+
+def off(i: int = 0) -> Frame:
+    return Frame(OFF + i, b"\x00")
+
+
+def reset(i: int = 0) -> Frame:
+    return Frame(OFF + i, b"\x01")
+
+
+def read(number: int, i: int = 0) -> Frame:
+    return Frame(REQUEST + i, bytes([0, number]))
+
+
+def write(number: int, i: int = 0) -> Frame:
+    return Frame(REQUEST + i, bytes([1, number]))
+
+
+def system(data: bytes) -> Frame:
+    return Frame(SYSTEM, data)

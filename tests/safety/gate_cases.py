@@ -1,0 +1,266 @@
+"""The gate's boundary table: what is done, and what each sent frame must come to.
+
+A case is a list of steps: ("arm",), ("disarm",), ("permit", numbers), ("at", i, value, t) for a measured
+position, and ("send", t, frame, rule or None). test_gate.py runs it against the gate, test_mutations.py
+against every mutant of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hil.frames import Frame
+from tests.safety.bench import (
+    EPS,
+    START,
+    STOP,
+    force,
+    off,
+    on,
+    read,
+    reset,
+    system,
+    write,
+)
+
+Step = tuple[Any, ...]
+NAN, INF = math.nan, math.inf
+
+
+@dataclass(frozen=True)
+class Case:
+    name: str
+    steps: Sequence[Step]
+    kind: str = "position"
+    read_only: bool = False
+
+
+def ok(t: float, frame: Frame) -> Step:
+    return ("send", t, frame, None)
+
+
+def no(t: float, frame: Frame, rule: str) -> Step:
+    return ("send", t, frame, rule)
+
+
+def first(value: float, rule: str | None, at: float = 0.0) -> list[Step]:
+    """An armed rig, measured at `at`, asked for its first setpoint `value`."""
+    return [("arm",), ("at", 0, at, 10.0), ("send", 10.0, on(value), rule)]
+
+
+def motion(*points: tuple[float, float, str | None]) -> list[Step]:
+    """(t, setpoint, rule): an armed rig at 0 at t = 0, measured freshly at its last passed setpoint."""
+    steps: list[Step] = [("arm",)]
+    here = 0.0
+    for t, value, rule in points:
+        steps += [("at", 0, here, t), ("send", t, on(value), rule)]
+        here = here if rule else value
+    return steps
+
+
+A = 21.0 + 2.0**-9
+"""Largest change of speed from one cycle to the next: 1.05 · 20 and two increments' rounding."""
+
+CASES = [
+    # -- forms -------------------------------------------------------------------------------------------
+    Case("read-only passes nothing, not even off", [
+        ("arm",), no(0.0, off(), "read_only"), no(0.0, read(1), "read_only"),
+        no(0.0, system(STOP), "read_only"), no(0.0, on(0.0), "read_only"),
+    ], read_only=True),
+    Case("no remote frame", [no(0.0, off()._replace(is_remote=True), "frame_form")]),
+    Case("no extended frame", [no(0.0, off()._replace(is_extended=True), "frame_form")]),
+    Case("no error frame", [no(0.0, off()._replace(is_error=True), "frame_form")]),
+    Case("an identifier next to ours", [no(0.0, Frame(0x202, b"\x00"), "unknown_id")]),
+    Case("a byte too few", [no(0.0, Frame(0x300, b"\x00"), "length")]),
+    Case("a byte too many", [no(0.0, Frame(0x200, b"\x00\x00"), "length")]),
+    Case("a frame that is not understood", [("arm",), no(0.0, system(b"\x05"), "unknown_meaning")]),
+    # -- silence at boot, the latch ----------------------------------------------------------------------
+    Case("at boot off, stop, reads and declared writes pass", [
+        ok(0.0, off()), ok(0.0, system(STOP)), ok(0.0, read(200)), ok(0.5, write(7)), ok(0.5, reset()),
+    ]),
+    Case("at boot no power", [("at", 0, 0.0, 0.0), no(0.0, on(0.0), "disarmed")]),
+    Case("disarmed again no power", [
+        *first(0.0, None), ("disarm",), no(11.0, on(0.0), "disarmed"),
+    ]),
+    Case("at boot no System Start", [no(0.0, system(START), "start_unarmed")]),
+    Case("no System Start while one drive has not been told to be off", [
+        ok(0.0, off(0)), no(0.0, system(START), "start_unarmed"),
+    ]),
+    Case("System Start once every drive has been told to be off", [
+        ok(0.0, off(0)), ok(0.0, off(1)), ok(0.0, system(START)),
+    ]),
+    Case("no System Start after a disarm without off", [
+        ok(0.0, off(0)), ok(0.0, off(1)), *first(0.0, None), ("disarm",),
+        no(11.0, system(START), "start_unarmed"),
+    ]),
+    Case("System Start while armed", [("arm",), ok(0.0, system(START))]),
+    Case("no error reset while armed", [("arm",), no(0.0, reset(), "reset_armed"), ok(0.0, off())]),
+    Case("off passes always: too often, unmeasured, armed or not", [
+        ok(0.0, off()), ok(0.0, off()), ("arm",), *[ok(0.0, off())] * 40,
+    ]),
+    # -- parameters --------------------------------------------------------------------------------------
+    Case("a parameter that is not declared writable", [
+        no(0.0, write(6), "write_parameter"), no(0.0, write(9), "write_parameter"), ok(0.0, write(8)),
+    ]),
+    Case("no write while any drive is powered, reads as ever", [
+        *first(0.0, None), no(10.0, write(7, 1), "write_powered"), ok(10.0, read(7, 1)),
+    ]),
+    Case("a write while powered by explicit permit, that number alone", [
+        *first(0.0, None), ("permit", frozenset({7})), ok(10.0, write(7)),
+        no(11.0, write(8), "write_powered"),
+        ("permit", frozenset()), no(12.0, write(7), "write_powered"),
+    ]),
+    Case("a permit is no declaration", [("permit", frozenset({6})), no(0.0, write(6), "write_parameter")]),
+    Case("writes again once the drive is off", [*first(0.0, None), ok(10.5, off()), ok(10.5, write(7))]),
+    Case("writes again only once every drive is off", [
+        *first(0.0, None), ("at", 1, 0.0, 10.0), ok(10.0, on(0.0, 1)), ok(10.5, off()),
+        no(10.5, write(7), "write_powered"), ok(10.5, off(1)), ok(10.5, write(7)),
+    ]),
+    # -- how often ---------------------------------------------------------------------------------------
+    Case("21 frames in 20 cycles, the 22nd a moment too early", [
+        *[ok(0.5 * k, read(k)) for k in range(21)], no(20.0 - EPS, read(99), "rate"),
+    ]),
+    Case("21 frames in 20 cycles, the 22nd in time", [
+        *[ok(0.5 * k, read(k)) for k in range(21)], ok(20.0, read(99)), no(20.5 - EPS, read(98), "rate"),
+    ]),
+    Case("each identifier counts for itself", [
+        *[ok(0.5 * k, read(k)) for k in range(21)], ok(10.5, read(99, 1)),
+    ]),
+    Case("a refused frame does not count", [
+        *[no(0.5 * k, write(6), "write_parameter") for k in range(30)], ok(15.0, write(7)),
+    ]),
+    Case("the same frame again, a moment too early", [
+        ok(0.0, read(1)), no(0.25 - EPS, read(1), "duplicate"),
+    ]),
+    Case("the same frame again, late enough", [ok(0.0, read(1)), ok(0.25, read(1))]),
+    Case("another frame at once", [ok(0.0, read(1)), ok(0.0, read(2)), ok(0.0, read(1))]),
+    Case("the same frame on another identifier", [ok(0.0, read(1)), ok(0.0, read(1, 1))]),
+    # -- measured ----------------------------------------------------------------------------------------
+    Case("never measured", [("arm",), no(0.0, on(0.0), "not_measured")]),
+    Case("the other drive was measured", [("arm",), ("at", 1, 0.0, 0.0), no(0.0, on(0.0), "not_measured")]),
+    Case("measured just fresh enough", [("arm",), ("at", 0, 0.0, 1.0), ok(6.0, on(0.0))]),
+    Case("measured a moment too long ago", [
+        ("arm",), ("at", 0, 0.0, 1.0), no(6.0 + EPS, on(0.0), "not_measured"),
+    ]),
+    Case("measured too far in the future: a broken clock", [
+        ("arm",), ("at", 0, 0.0, 11.0 + EPS), no(6.0, on(0.0), "not_measured"),
+    ]),
+    Case("measured NaN", first(0.0, "following", at=NAN)),
+    # -- stroke ------------------------------------------------------------------------------------------
+    Case("at the upper end", first(100.0, None, at=90.0)),
+    Case("beyond the upper end", first(100.0 + EPS, "stroke", at=90.0)),
+    Case("at the lower end", first(-100.0, None, at=-90.0)),
+    Case("beyond the lower end", first(-100.0 - EPS, "stroke", at=-90.0)),
+    Case("NaN", first(NAN, "stroke")),
+    Case("infinite", first(INF, "stroke")),
+    # -- distance from the measured position ---------------------------------------------------------------
+    Case("as far ahead as may be", [
+        *motion((0.0, 10.0, None), (1.0, 20.0, None), (2.0, 30.0, None)),
+        ("at", 0, -10.0, 3.0), ok(3.0, on(40.0)),
+    ]),
+    Case("too far ahead", [
+        *motion((0.0, 10.0, None), (1.0, 20.0, None), (2.0, 30.0, None)),
+        ("at", 0, -10.0 - EPS, 3.0), no(3.0, on(40.0), "following"),
+    ]),
+    Case("too far behind", [
+        *motion((0.0, -10.0, None), (1.0, -20.0, None), (2.0, -30.0, None)),
+        ("at", 0, 10.0 + EPS, 3.0), no(3.0, on(-40.0), "following"),
+    ]),
+    # -- speed -------------------------------------------------------------------------------------------
+    Case("first setpoint one fastest cycle from the measured position", first(21.0, None)),
+    Case("first setpoint a little further", first(21.0 + EPS, "speed")),
+    Case("first setpoint a little further, downwards", first(-21.0 - EPS, "speed")),
+    Case("at full speed", motion((0.0, 21.0, None), (1.0, 42.0, None))),
+    Case("a little faster", motion((0.0, 21.0, None), (1.0, 42.0 + EPS, "speed"))),
+    Case("late by less than half a cycle: still one cycle's travel", motion(
+        (0.0, 21.0, None), (1.49, 42.0 + EPS, "speed"))),
+    Case("early by any time: still one cycle's travel", motion((0.0, 21.0, None), (0.3, 42.0, None))),
+    Case("a skipped cycle: two cycles' travel", motion((0.0, 21.0, None), (2.0, 63.0, None))),
+    Case("a skipped cycle: no more than that", motion((0.0, 21.0, None), (2.0, 63.0 + EPS, "speed"))),
+    Case("a late frame, then one in time", motion(
+        (0.0, 20.0, None), (1.75, 40.0, None), (2.0, 60.0, None), (3.0, 80.0, None))),
+    Case("a late frame gives no travel away to the next one", motion(
+        (0.0, 21.0, None), (1.75, 63.0, None), (2.0, 84.0 + EPS, "speed"))),
+    Case("after a late frame the schedule is found again", motion(
+        (0.0, 0.0, None), (1.75, 0.0, None), (2.0, 1.0, None), (4.0, 43.0, None))),
+    Case("but not as if nothing had been made up", motion(
+        (0.0, 0.0, None), (1.75, 0.0, None), (2.0, 1.0, None), (3.9375, 43.0, "speed"))),
+    Case("a late frame's schedule stays its own", motion(
+        (0.0, 0.0, None), (1.75, 1.0, None), (3.5 - EPS, 43.0, "speed"))),
+    # -- acceleration --------------------------------------------------------------------------------------
+    Case("reversed as suddenly as may be", motion((0.0, 10.5, None), (1.0, 21.0 - A, None))),
+    Case("reversed a little more suddenly", motion((0.0, 10.5, None), (1.0, 21.0 - A - EPS, "acceleration"))),
+    Case("reversed upwards a little more suddenly", motion(
+        (0.0, -10.5, None), (1.0, -21.0 + A + EPS, "acceleration"))),
+    Case("over two cycles twice as suddenly", motion((0.0, -21.0, None), (2.0, 21.0, None))),
+    Case("the speed before is remembered", motion(
+        (0.0, 20.0, None), (1.0, 20.0, None), (2.0, 15.0, None), (3.0, 32.0, "acceleration"))),
+    Case("a late frame keeps its speed: the next may brake from it only", motion(
+        (0.0, 20.0, None), (2.0, 40.0, None), (3.0, 38.0, "acceleration"))),
+    Case("skipped cycles keep their speed too", motion(
+        (0.0, 20.0, None), (2.0, 60.0, None), (3.0, 58.0, "acceleration"))),
+    Case("between one cycle's travel and all: the nearest speed", motion(
+        (0.0, 10.0, None), (2.0, 25.0, None), (3.0, 36.0 - A + EPS, None))),
+    Case("between one cycle's travel and all: no better than that", motion(
+        (0.0, 10.0, None), (2.0, 25.0, None), (3.0, 35.0 - A - EPS, "acceleration"))),
+    # -- gaps, off, the other drive -----------------------------------------------------------------------
+    Case("a gap just short enough continues", motion((0.0, 10.0, None), (5.0, 50.0, None))),
+    Case("a longer gap starts again at the measured position", motion(
+        (0.0, 10.0, None), (5.0 + EPS, 50.0, "speed"), (6.0, 31.0, None))),
+    Case("after off it starts again at the measured position", [
+        *motion((0.0, 20.0, None), (1.0, 40.0, None)), ok(1.5, off()), ("at", 0, 40.0, 2.0),
+        no(2.0, on(19.0 - EPS), "speed"), ok(2.0, on(40.0 - 21.0)),
+    ]),
+    Case("after a disarm it starts again at the measured position", [
+        *motion((0.0, 20.0, None)), ("disarm",), ("arm",), ("at", 0, -20.0, 1.0), ok(1.0, on(-21.0)),
+    ]),
+    Case("after System Stop it starts again at the measured position", [
+        *motion((0.0, 20.0, None)), ok(0.5, system(STOP)), ("at", 0, -20.0, 1.0), ok(1.0, on(-21.0)),
+    ]),
+    Case("each drive has its own track", [
+        *first(20.0, None), ("at", 1, -50.0, 10.0), ok(10.0, on(-50.0, 1)), ("at", 0, 20.0, 11.0),
+        ok(11.0, on(40.0)), ok(11.0, on(-51.0, 1)),
+    ]),
+    # -- force -------------------------------------------------------------------------------------------
+    Case("the largest force", [("arm",), ("at", 0, 0.0, 0.0), ok(0.0, force(64.0)), ok(1.0, force(-64.0))],
+         kind="force"),
+    Case("more force", [("arm",), ("at", 0, 0.0, 0.0), no(0.0, force(64.0 + EPS), "force")], kind="force"),
+    Case("more force downwards", [("arm",), ("at", 0, 0.0, 0.0), no(0.0, force(-64.0 - EPS), "force")],
+         kind="force"),
+    Case("NaN force", [("arm",), ("at", 0, 0.0, 0.0), no(0.0, force(NAN), "force")], kind="force"),
+    Case("force on a drive that is not measured", [
+        ("arm",), no(0.0, force(0.0), "not_measured"),
+    ], kind="force"),
+    Case("force where positions are sent", [
+        ("arm",), ("at", 0, 0.0, 0.0), no(0.0, force(0.0), "setpoint_kind"),
+    ]),
+    Case("a position where forces are sent", [
+        ("arm",), ("at", 0, 0.0, 0.0), no(0.0, on(0.0), "setpoint_kind"),
+    ], kind="force"),
+]  # fmt: skip
+
+
+def run(case: Case, gate: Any) -> list[str]:
+    """What differs from the table; empty where the gate does as it says."""
+    wrong = []
+    for number, step in enumerate(case.steps):
+        match step:
+            case ("arm",):
+                gate.arm()
+            case ("disarm",):
+                gate.disarm()
+            case ("permit", numbers):
+                gate.permit_writes(numbers)
+            case ("at", i, value, t):
+                gate.measured(i, value, t)
+            case ("send", t, frame, expected):
+                verdict = gate.pass_frame(t, frame)
+                rule = None if verdict.rule is None else verdict.rule.value
+                if rule != expected or verdict.ok is not (expected is None):
+                    wrong.append(f"step {number}: {frame} at {t}: {rule}, expected {expected}")
+            case _:
+                raise ValueError(step)
+    return wrong
