@@ -39,6 +39,11 @@ def load_rig(name: str | Path) -> RigFile:
     return load_settings(path, RigFile)
 
 
+def load_drive(name: str, model: type[S]) -> S:
+    """Read and check the drive file of the family `name`, a folder among those that come with hil."""
+    return load_settings(data_folder("drives") / name / "drive.toml", model)
+
+
 def load_settings(path: Path, model: type[S]) -> S:
     """Read a TOML file into `model`; ConfigError names file, key and bound."""
     return parse_settings(read_toml(path), model, str(path))

@@ -1,0 +1,314 @@
+"""The master's side of one LUST CDD3000: frames in, samples and events out; control and request each slot.
+
+Positions are increments from the drive's zero, which is the rig file's zero (a leg's length between its
+joints, a slide's coordinate). What comes in is checked for length and form, and counted where it is not
+what the protocol allows; an answer to a question not asked is counted and never followed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hil.config import RigFile
+from hil.drives.driver import DrivePhase, DriveStatus, PowerGoal
+from hil.drives.lust_cdd3000.codec import (
+    Answer,
+    AnswerStatus,
+    Control,
+    Mode,
+    Request,
+    Status,
+    decode_answer,
+    decode_error,
+    decode_status,
+    encode_control,
+    encode_request,
+    frame_ids,
+)
+from hil.drives.lust_cdd3000.configure import Configuration, gains_of, settings_of
+from hil.drives.lust_cdd3000.machine import PhaseMachine
+from hil.drives.lust_cdd3000.scales import Scales, kind_of
+from hil.drives.power import PowerCommand, PowerState
+from hil.drives.profile import LustProfile
+from hil.drives.slots import SlotScheduler
+from hil.errors import ProtocolError
+from hil.frames import Frame
+from hil.signals import Event, Quantity, Sample
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """A request in a slot, and the quantity that its answer measures."""
+
+    request: Request
+    quantity: Quantity | None = None
+
+    @property
+    def number(self) -> int:
+        """Number of the parameter asked for."""
+        return self.request.number
+
+
+class LustDriver:
+    """One drive of a rig. Its phases are told in `hil.drives.lust_cdd3000.machine`."""
+
+    def __init__(self, rig: RigFile, index: int, profile: LustProfile) -> None:
+        actuator = rig.actuators[index]
+        address = rig.address(index)
+        self.name = actuator.name
+        self.setpoint_kind = kind_of(rig)
+        self.frames = frame_ids(profile.ids, address)
+        self._profile = profile
+        self._scales = Scales(actuator.drive, profile)
+        self._answer_delay_s = rig.bus.answer_delay
+        position = Request(self._scales.parameters["position"].number, Mode.READ)
+        self._ask_position = _Question(position, "position")
+        self._scheduler = SlotScheduler(
+            tuple(
+                _Question(Request(self._scales.parameters[q].number, Mode.READ), q)
+                for q in rig.bus.pattern
+            ),
+            profile.timing.answer_wait,
+        )
+        self._configuration = Configuration(
+            settings_of(rig, actuator, profile, self.setpoint_kind),
+            gains_of(actuator, profile),
+            barrier=position.number,
+        )
+        self._machine = PhaseMachine(
+            f"{self.name} (address {address})",
+            profile,
+            self._configuration,
+            {*rig.bus.pattern, "position"},
+            rig.safety.answer_timeout,
+        )
+        self._ids = frozenset(
+            {
+                self.frames.log_on,
+                self.frames.status,
+                self.frames.answer,
+                self.frames.error,
+                profile.ids.error,
+            }
+        )
+        self._first_slot_s: float | None = None
+        self._logged_on = False
+        self._position: int | None = None
+        self._reference = 0
+        self._garbage = 0
+
+    @property
+    def phase(self) -> DrivePhase:
+        """How far the drive has come."""
+        return self._machine.phase
+
+    @property
+    def started(self) -> bool:
+        """System Start has been sent since the drive last logged on."""
+        return self._machine.started
+
+    @property
+    def status(self) -> DriveStatus:
+        """The drive as known now."""
+        machine, scheduler = self._machine, self._scheduler
+        return DriveStatus(
+            phase=machine.phase,
+            enabled=machine.phase is DrivePhase.ENABLED,
+            referenced=machine.referenced,
+            enpo=machine.status.enpo,
+            error=machine.error,
+            waiting_for=machine.waiting_for(),
+            last_answer_s=machine.heard_s,
+            watchdog_ok=self._configuration.watchdog_ok,
+            slots=scheduler.slots,
+            pairs=scheduler.pairs,
+            repeats=scheduler.repeats,
+            timeouts=scheduler.timeouts,
+            garbage=self._garbage,
+            unasked=scheduler.unasked,
+        )
+
+    def ids(self) -> frozenset[int]:
+        """This drive's frames, and the error identifier without an address, which concerns all drives."""
+        return self._ids
+
+    def take_events(self) -> list[Event]:
+        """Events not handed out yet."""
+        events, self._machine.events = self._machine.events, []
+        return events
+
+    def absent_for(self, now_s: float) -> float:
+        """How long it has been waited for since our first slot, s; 0 where it has logged on."""
+        if self.phase is not DrivePhase.ABSENT or self._first_slot_s is None or self._logged_on:
+            return 0.0
+        return now_s - self._first_slot_s
+
+    # -- frames in -----------------------------------------------------------------------------------
+
+    def on_frame(self, now_s: float, frame: Frame) -> list[Sample | Event]:
+        """Take a frame received at `now_s`; frames of others are left alone, garbage is counted."""
+        if frame.is_error or frame.is_extended or frame.can_id not in self._ids:
+            return []
+        samples: list[Sample] = []
+        if frame.is_remote:
+            self._garbage += 1
+        elif frame.can_id in (self.frames.error, self._profile.ids.error):
+            self._on_error(now_s, frame.data)
+        elif frame.can_id == self.frames.log_on:
+            self._on_log_on(now_s)
+        else:
+            try:
+                if frame.can_id == self.frames.status:
+                    status = decode_status(self._profile.layout, frame.data)
+                    samples = self._on_status(now_s, status)
+                else:
+                    samples = self._on_answer(now_s, decode_answer(frame.data))
+            except ProtocolError:
+                self._garbage += 1
+        self._machine.judge(now_s)
+        return [*samples, *self.take_events()]
+
+    def _on_error(self, now_s: float, data: bytes) -> None:
+        """An error frame is an error whatever its length: of all frames this one is never ignored."""
+        self._machine.heard_s = now_s
+        report = decode_error(self._profile.error_frame, data)
+        what = "an error without a number"
+        if report.code is not None:
+            what = self._profile.error_text(report.code)
+        where = f" at location {report.location}" if report.location else ""
+        self._machine.fault(now_s, "drive_error", f"reports {what}{where}")
+
+    def _on_log_on(self, now_s: float) -> None:
+        if self.phase is DrivePhase.ABSENT and not self._listened(now_s):
+            self._logged_on = True  # spoken to once we have listened long enough to know all
+            return
+        self._take_log_on(now_s)
+
+    def _take_log_on(self, now_s: float) -> None:
+        if self._machine.log_on(now_s):
+            self._scheduler.reset()
+            self._position = None
+
+    def _on_status(self, now_s: float, status: Status) -> list[Sample]:
+        self._machine.took_status(now_s, status)
+        if not self._profile.layout.status_carries_position:
+            return []
+        self._position = status.actual
+        self._machine.answered(now_s, "position")
+        value = self._scales.setpoint("position", status.actual)
+        return [self._sample(now_s, "position", value)]
+
+    def _on_answer(self, now_s: float, answer: Answer) -> list[Sample]:
+        repeat = bool(answer.status & AnswerStatus.REPEAT_ACTION)
+        question = self._scheduler.answered(answer.number, repeat=repeat)
+        if question is None:
+            return []
+        self._machine.answered(now_s, None)
+        if repeat:
+            in_row = self._scheduler.repeats_in_row
+            if in_row >= self._profile.timing.repeat_limit:
+                text = f"asked {in_row} times in a row to repeat parameter {answer.number}"
+                self._machine.fault(now_s, "drive_refuses", text)
+            return []
+        self._configuration.answered(question.request, answer)
+        if question.quantity is None:
+            return []
+        what = f"its {question.quantity} (parameter {answer.number})"
+        if answer.status:
+            self._machine.fault(now_s, "drive_refuses", f"does not answer {what}: {answer.status}")
+            return []
+        value = self._scales.measured(question.quantity, answer.value)
+        if not math.isfinite(value):
+            self._machine.fault(now_s, "drive_refuses", f"answers {what} with no number")
+            return []
+        if question.quantity == "position":
+            self._position = self._scales.reference("position", value)
+        self._machine.answered(now_s, question.quantity)
+        return [self._sample(now_s, question.quantity, value)]
+
+    def _sample(self, now_s: float, quantity: Quantity, value: float) -> Sample:
+        return Sample(self.name, quantity, value, now_s - self._answer_delay_s, now_s)
+
+    # -- frames out ----------------------------------------------------------------------------------
+
+    def on_slot(self, now_s: float, goal: PowerGoal, setpoint: float | None) -> list[Frame]:
+        """The control frame and one parameter request; nothing while we only listen."""
+        if self._first_slot_s is None:
+            self._first_slot_s = now_s
+        machine = self._machine
+        was_absent = self.phase is DrivePhase.ABSENT
+        machine.wants(now_s, goal)
+        machine.judge(now_s)
+        if self.phase is DrivePhase.ABSENT and not was_absent:
+            self._wait_for_log_on(now_s)
+        if self._logged_on and self._listened(now_s):
+            self._logged_on = False
+            self._take_log_on(now_s)
+        if self.phase is DrivePhase.ABSENT or machine.muted:
+            return []
+        command = machine.command(now_s)
+        control = encode_control(
+            self.frames.control, self._profile.layout, self._control(command, setpoint)
+        )
+        question = self._scheduler.ask(now_s, self._first_question())
+        if question is None:
+            return [control]
+        return [control, encode_request(self.frames.request, question.request)]
+
+    def _control(self, command: PowerCommand, setpoint: float | None) -> Control:
+        if self.phase is DrivePhase.FAULT:
+            return Control(command)
+        if command is not PowerCommand.ENABLE:
+            self._reference = self._idle_reference()
+            return Control(command, self._reference)
+        if setpoint is not None and math.isfinite(setpoint):
+            self._reference = self._scales.reference(self.setpoint_kind, setpoint)
+        status = self._machine.status
+        return Control(
+            command,
+            self._reference,
+            automatic=status.power is PowerState.OPERATION_ENABLED,
+            sequence=status.automatic,
+        )
+
+    def _idle_reference(self) -> int:
+        """What moves nothing when the power comes: where the drive is, or no force."""
+        if self.setpoint_kind == "force" or self._position is None:
+            return 0
+        return self._position
+
+    def _first_question(self) -> _Question | None:
+        """What goes before the pattern: configuration, then a position where the pattern has none."""
+        request = self._configuration.request() if self.phase is DrivePhase.LOGGED_ON else None
+        if request is not None:
+            return _Question(request)
+        return self._ask_position if self._position is None else None
+
+    def _listened(self, now_s: float) -> bool:
+        first_s = self._first_slot_s
+        return first_s is not None and now_s - first_s >= self._profile.timing.listen
+
+    # -- told by the bus -----------------------------------------------------------------------------
+
+    def system_started(self) -> None:
+        """System Start goes out."""
+        self._machine.started = True
+
+    def system_stopped(self, now_s: float) -> None:
+        """System Stop goes out: the drive will log on again, and is waited for in silence."""
+        self._machine.started = False
+        if self.phase is not DrivePhase.FAULT:
+            self._machine.absent(now_s)
+            self._wait_for_log_on(now_s)
+
+    def refuse(self, now_s: float, name: str, text: str) -> None:
+        """Latch a fault of the bus as a whole, and say nothing to the drive until it is reset."""
+        self._machine.muted = True
+        self._machine.fault(now_s, name, text)
+
+    def _wait_for_log_on(self, now_s: float) -> None:
+        self._scheduler.reset()
+        self._first_slot_s = now_s
+        self._logged_on = False
+        self._position = None

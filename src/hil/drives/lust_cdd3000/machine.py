@@ -1,0 +1,303 @@
+"""The phases of one drive, from its log-on to force and to a fault, as the master sees them.
+
+ABSENT → LOGGED_ON: its log-on frame was seen. → CONFIGURED: watchdog and settings are written and read back.
+→ READY: System Start was sent, the DRIVECOM machine stands before its last step, ENPO is there, the drive
+is referenced and has answered every quantity of the pattern. → ENABLED: it says so after we asked for it.
+→ FAULT: latched and named until PowerGoal.RESET, and from there configured again from the start.
+
+ON counts from READY only, and must be given anew there: a drive whose ENPO comes back never starts by itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from hil.drives.driver import DrivePhase, PowerGoal
+from hil.drives.lust_cdd3000.codec import Status
+from hil.drives.lust_cdd3000.configure import Configuration
+from hil.drives.power import FAULTED, PREPARED, PowerCommand, PowerState
+from hil.drives.profile import LustProfile
+from hil.signals import Event
+
+_NOTHING_KNOWN: Final = Status(PowerState.NOT_READY, enpo=False)
+_MAY_ENABLE: Final = (DrivePhase.READY, DrivePhase.ENABLED)
+
+
+@dataclass(slots=True)
+class _Resetting:
+    """A reset under way."""
+
+    since_s: float
+    edge_s: float | None = None
+
+
+class PhaseMachine:
+    """Where a drive stands, what it is commanded, and why it stands no further."""
+
+    def __init__(
+        self,
+        who: str,
+        profile: LustProfile,
+        configuration: Configuration,
+        quantities: Iterable[str],
+        answer_timeout_s: float,
+    ) -> None:
+        self.phase = DrivePhase.ABSENT
+        self.started = False
+        """System Start has been sent since the drive last logged on."""
+        self.error: str | None = None
+        self.status = _NOTHING_KNOWN
+        self.muted = False
+        """Nothing may be said to the drive."""
+        self.heard_s: float | None = None
+        self.events: list[Event] = []
+        self._who = who
+        self._profile = profile
+        self._configuration = configuration
+        self._quantities = frozenset(quantities)
+        self._answer_timeout_s = answer_timeout_s
+        self._goal = PowerGoal.OFF
+        self._unanswered = set(self._quantities)
+        self._spoken_to = False
+        self._off_seen = False
+        self._since_s = 0.0
+        self._status_s = 0.0
+        self._on_since_s: float | None = None
+        self._enable_sent_s = -math.inf
+        self._resetting: _Resetting | None = None
+
+    # -- what happens --------------------------------------------------------------------------------
+
+    def log_on(self, now_s: float) -> bool:
+        """The drive's log-on frame was seen. True where everything begins anew.
+
+        A log-on that was on its way when we first spoke to the drive means nothing.
+        """
+        self.heard_s = now_s
+        self.started = False
+        if self.phase in _MAY_ENABLE:
+            self.fault(now_s, "drive_rebooted", "logged on while running: it has restarted")
+        elif self.phase is not DrivePhase.FAULT:
+            period_s = self._profile.timing.log_on_period
+            again = self._spoken_to and now_s - self._since_s > period_s
+            if again:
+                self._say(now_s, "warning", "drive_rebooted", "logs on again: it has restarted")
+            if again or self.phase is DrivePhase.ABSENT:
+                self._restart(now_s)
+                return True
+        return False
+
+    def took_status(self, now_s: float, status: Status) -> None:
+        """A status frame was received."""
+        self.heard_s = self._status_s = now_s
+        self.status = status
+
+    def answered(self, now_s: float, quantity: str | None) -> None:
+        """A request was answered; `quantity` where it measured one."""
+        self.heard_s = now_s
+        self._spoken_to = True
+        if quantity is not None:
+            self._unanswered.discard(quantity)
+
+    def wants(self, now_s: float, goal: PowerGoal) -> None:
+        """What the rig wants from this slot on."""
+        self._goal = goal
+        if goal is not PowerGoal.ON:
+            self._on_since_s = None
+            self._off_seen = self._off_seen or self.phase in _MAY_ENABLE
+        elif self._on_since_s is None and self._off_seen:
+            self._on_since_s = now_s
+        if goal is not PowerGoal.RESET or self.phase is not DrivePhase.FAULT:
+            self._resetting = None
+        elif self._resetting is None:
+            self._resetting = _Resetting(now_s)
+
+    def absent(self, now_s: float) -> None:
+        """Wait for its log-on, in silence."""
+        self._forget(now_s)
+        self.started = False
+        self._enter(now_s, DrivePhase.ABSENT)
+
+    def fault(self, now_s: float, name: str, text: str) -> None:
+        """Latch a fault; what is told while one is latched is added to it."""
+        if self.phase is DrivePhase.FAULT:
+            if self.error is not None and text not in self.error:
+                self.error = f"{self.error}; {text}"
+            return
+        self.error = f"{self._who} {text}"
+        self._on_since_s = self._resetting = None
+        self._off_seen = False
+        self._configuration.restart()
+        self.phase = DrivePhase.FAULT
+        self._since_s = now_s
+        self.events.append(Event(now_s, "fault", name, self.error))
+
+    # -- what follows --------------------------------------------------------------------------------
+
+    def command(self, now_s: float) -> PowerCommand:
+        """The command of this slot. ENABLE comes from here alone, never before the watchdog is verified."""
+        if self.phase is DrivePhase.FAULT:
+            return self._reset_command(now_s)
+        ready = self.phase in _MAY_ENABLE and self.started and self._configuration.watchdog_ok
+        if ready and self._on_since_s is not None:
+            self._enable_sent_s = now_s
+            return PowerCommand.ENABLE
+        if self.started and self.phase in (DrivePhase.CONFIGURED, *_MAY_ENABLE):
+            return PowerCommand.PREPARE
+        return PowerCommand.DISABLE
+
+    def judge(self, now_s: float) -> None:
+        """Go as far forward or back as what is known demands."""
+        if self.phase is DrivePhase.FAULT:
+            self._judge_reset(now_s)
+        if self.phase in (DrivePhase.ABSENT, DrivePhase.FAULT):
+            return
+        trouble = self._silence(now_s) or self._refusal() or self._power_trouble(now_s)
+        makes_force = self.status.power is PowerState.OPERATION_ENABLED
+        lacks = self._lacks()
+        if trouble is not None:
+            self.fault(now_s, *trouble)
+        elif self.phase is DrivePhase.LOGGED_ON:
+            if self._configuration.done:
+                for note in self._configuration.notes:
+                    self._say(now_s, "warning", "drive_gain_differs", note)
+                self._enter(now_s, DrivePhase.CONFIGURED)
+        elif self.phase is DrivePhase.CONFIGURED:
+            if self.waiting_for() is None:
+                self._enter(now_s, DrivePhase.READY)
+        elif self.phase is DrivePhase.READY:
+            if makes_force:
+                self._enter(now_s, DrivePhase.ENABLED)
+            elif lacks is not None:
+                self._say(now_s, "warning", "drive_not_ready", f"is no longer ready: {lacks}")
+                self._enter(now_s, DrivePhase.CONFIGURED)
+        elif not makes_force:
+            self._enter(now_s, DrivePhase.READY)
+
+    @property
+    def referenced(self) -> bool:
+        """Positions count from the rig file's zero."""
+        return self._profile.homing == "absolute" or self.status.referenced
+
+    def waiting_for(self) -> str | None:
+        """What keeps the drive from READY, or from heeding ON; None where nothing does, and in FAULT."""
+        if self.phase is DrivePhase.ABSENT:
+            return (
+                f"{self._who} has not logged on: is it powered, on this bus, and set to this address? "
+                "A drive that ran before may have to be switched off and on"
+            )
+        if self.phase is DrivePhase.LOGGED_ON:
+            return f"{self._who} is being configured"
+        if self.phase is DrivePhase.READY and self._goal is PowerGoal.ON and not self._off_seen:
+            return f"{self._who} was asked to be on before it was ready: ask for off, then for on"
+        if self.phase is not DrivePhase.CONFIGURED:
+            return None
+        if not self.started:
+            return f"{self._who} waits for the other drives and System Start"
+        if self._unanswered:
+            return f"{self._who} has not answered its {', '.join(sorted(self._unanswered))} yet"
+        lacks = self._lacks()
+        return f"{self._who}: {lacks}" if lacks else None
+
+    # -- judgement, piece by piece -------------------------------------------------------------------
+
+    def _lacks(self) -> str | None:
+        """What the drive itself lacks to be enabled."""
+        if not self.status.enpo:
+            return "its hardware enable ENPO is not there"
+        if self.status.power not in PREPARED:
+            return f"its power stage is {self.status.power}"
+        return None if self.referenced else "it is not referenced: home it"
+
+    def _silence(self, now_s: float) -> tuple[str, str] | None:
+        status_limit_s = self._profile.timing.status_timeout
+        limit_s = self._answer_timeout_s if self.phase in _MAY_ENABLE else status_limit_s
+        quiet_s = now_s - (now_s if self.heard_s is None else self.heard_s)
+        if quiet_s > limit_s:
+            return "drive_silent", f"has answered nothing for {quiet_s:.2f} s"
+        if now_s - self._status_s > status_limit_s:
+            return "drive_silent", f"has sent no status for {now_s - self._status_s:.2f} s"
+        return None
+
+    def _refusal(self) -> tuple[str, str] | None:
+        failure = self._configuration.failure
+        return None if failure is None else ("drive_not_configured", failure)
+
+    def _power_trouble(self, now_s: float) -> tuple[str, str] | None:
+        power, timing = self.status.power, self._profile.timing
+        if power in FAULTED:
+            return "drive_error", "reports a fault in its status"
+        asked = self._on_since_s is not None
+        if power is PowerState.OPERATION_ENABLED:
+            if self.phase is DrivePhase.ENABLED:
+                lost = None if self.status.enpo else "has lost its hardware enable ENPO"
+                return None if lost is None else ("enpo_lost", lost)
+            if now_s - self._enable_sent_s > timing.status_timeout:
+                return "drive_enabled_itself", "makes force although nobody asked it to"
+            return None
+        if not asked or self.phase not in _MAY_ENABLE:
+            return None
+        if not self.status.enpo:
+            return "enpo_lost", "has lost its hardware enable ENPO"
+        if self.phase is DrivePhase.ENABLED or power not in PREPARED:
+            return "drive_dropped_out", f"left operation by itself: it is now {power}"
+        if now_s - (self._on_since_s or now_s) > timing.enable_timeout:
+            return "drive_not_enabled", f"did not enable within {timing.enable_timeout:g} s"
+        return None
+
+    def _reset_command(self, now_s: float) -> PowerCommand:
+        """Reset bit low, then high, and again: it has an edge whatever it was before."""
+        if self._resetting is None:
+            return PowerCommand.DISABLE
+        hold_s = self._profile.timing.reset_hold
+        if (now_s - self._resetting.since_s) % (2.0 * hold_s) < hold_s:
+            return PowerCommand.DISABLE
+        if self._resetting.edge_s is None:
+            self._resetting.edge_s = now_s
+        return PowerCommand.RESET
+
+    def _judge_reset(self, now_s: float) -> None:
+        if self._resetting is None:
+            return
+        quiet_s = self._profile.timing.status_timeout
+        if self.muted or self.heard_s is None or now_s - self.heard_s > quiet_s:
+            self.absent(now_s)
+            return
+        edge_s = self._resetting.edge_s
+        if edge_s is not None and self._status_s > edge_s and self.status.power not in FAULTED:
+            self._say(now_s, "info", "drive_reset", "is reset and is configured again")
+            self._restart(now_s)
+
+    # -- changes of phase ----------------------------------------------------------------------------
+
+    def _restart(self, now_s: float) -> None:
+        self._forget(now_s)
+        self.heard_s = now_s
+        self._enter(now_s, DrivePhase.LOGGED_ON)
+
+    def _forget(self, now_s: float) -> None:
+        """Nothing that was known of the drive holds any more."""
+        self._configuration.restart()
+        self.status = _NOTHING_KNOWN
+        self.error = None
+        self.muted = False
+        self._unanswered = set(self._quantities)
+        self._spoken_to = self._off_seen = False
+        self._status_s = now_s
+        self._on_since_s = self._resetting = None
+        self._enable_sent_s = -math.inf
+
+    def _enter(self, now_s: float, phase: DrivePhase) -> None:
+        self._since_s = now_s
+        self._off_seen = phase in _MAY_ENABLE and (self._off_seen or self._goal is not PowerGoal.ON)
+        if phase is not self.phase:
+            self.phase = phase
+            self._say(now_s, "info", "drive_phase", f"is {phase.value}")
+
+    def _say(
+        self, now_s: float, severity: Literal["info", "warning"], name: str, text: str
+    ) -> None:
+        self.events.append(Event(now_s, severity, name, f"{self._who} {text}"))
