@@ -94,6 +94,19 @@ class DriveMessage(Struct, frozen=True, omit_defaults=True):
     current: float | None = None
 
 
+class DriveStatusMessage(Struct, frozen=True):
+    """A drive's status when it changes: `hil/<rig>/drive/<actuator>/status`.
+
+    `phase`: absent, logged on, configured, ready, enabled or fault; `enabled`: it makes force;
+    `error` is empty where there is none.
+    """
+
+    t: float
+    phase: str
+    enabled: bool
+    error: str
+
+
 class ImuMessage(Struct, frozen=True, omit_defaults=True):
     """Angular rate and specific force in the sensor frame as a frame brought them: topic `/imu`."""
 
@@ -139,6 +152,7 @@ PAYLOADS: Final[dict[str, type[Struct]]] = {
     "state": StateMessage,
     "event": EventMessage,
     "drive": DriveMessage,
+    "drive_status": DriveStatusMessage,
     "imu": ImuMessage,
     "setpoint": SetpointMessage,
     "command_request": CommandRequest,

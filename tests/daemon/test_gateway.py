@@ -14,6 +14,7 @@ import pytest
 from hil import messages
 from hil.daemon.gateway import GatewayOptions
 from hil.daemon.records import (
+    DriveRecord,
     EventRecord,
     FrameRecord,
     GatewayAlive,
@@ -171,15 +172,32 @@ def test_each_drives_answers_are_published_under_its_name(running, client):
     assert others == []
 
 
+def test_a_drives_status_is_published_when_it_changes(running, client):
+    seen = client.subscribe("drive/slide/status")
+    time.sleep(0.02)
+    running.control.channel.send(DriveRecord(8.0, 2, "fault", False, "over-current"))
+    assert until(lambda: seen) == [
+        {"t": 8.0, "phase": "fault", "enabled": False, "error": "over-current"}
+    ]
+
+
 def test_every_payload_keeps_the_schema_that_is_published_for_it(running, client):
     jsonschema = pytest.importorskip("jsonschema", reason="jsonschema checks published payloads")
-    kinds = {"state": "state", "event": "event", "drive/*": "drive", "command/arm": "command_reply"}
+    kinds = {
+        "state": "state",
+        "event": "event",
+        "drive/*": "drive",
+        "drive/*/status": "drive_status",
+        "command/arm": "command_reply",
+    }
     schemas = {key.rpartition("/")[2]: schema for key, schema in client.get("schema/*")}
     seen = {kind: client.subscribe(tail) for tail, kind in kinds.items() if "command" not in tail}
     time.sleep(0.02)
     running.control.state("fault", fault="leg1 is silent")
     running.control.channel.send(
-        SampleRecord(1, "force", 250.0, 7.0, 7.001), EventRecord(1.0, "fault", "silent", "leg1")
+        SampleRecord(1, "force", 250.0, 7.0, 7.001),
+        DriveRecord(8.0, 2, "fault", False, "over-current"),
+        EventRecord(1.0, "fault", "silent", "leg1"),
     )
     seen["command_reply"] = [reply for _, reply in client.get("command/arm")]
     for kind, payloads in seen.items():

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from hil.daemon import records as r
 from hil.daemon.ipc import Channel, CueJoiner, Sources, socket_pair, split_cue
 from hil.daemon.wire import HEADER, datagram, decode, encode
+from hil.drives.driver import DrivePhase
 from hil.errors import ProtocolError
 from hil.frames import Frame
+from hil.safety.rigstate import StateName
 from hil.signals import Cue, Sample, TimedPose
 
 reals = st.floats(allow_nan=False)
@@ -72,6 +74,9 @@ records = st.one_of(
     st.builds(r.SetpointRecord, reals, bytes_, st.sampled_from(r.KINDS), reals),
     shaped,
     st.builds(r.EventRecord, reals, st.sampled_from(r.SEVERITIES), text(48), text(240)),
+    st.builds(
+        r.DriveRecord, reals, bytes_, st.sampled_from(r.DRIVE_PHASES), st.booleans(), text(120)
+    ),
     st.builds(r.ReplyRecord, st.integers(0, 2**32 - 1), st.booleans(), text(240)),
     cues,
     st.builds(r.CommandRecord, st.integers(0, 2**32 - 1), text(48), text(48)),
@@ -198,6 +203,11 @@ def test_records_cross_the_socket_in_order_and_in_few_datagrams(pair):
     assert control.send(*sent) == 0
     assert gateway.receive(most=1) == sent
     assert gateway.receive() == []
+
+
+def test_states_and_phases_are_those_of_the_rig_and_of_the_drives():
+    assert {state.value for state in StateName} == set(r.RIG_STATES)
+    assert {phase.value for phase in DrivePhase} == set(r.DRIVE_PHASES)
 
 
 def test_more_than_a_datagram_holds_goes_out_in_several(pair):

@@ -24,11 +24,12 @@ from hil import messages
 from hil.config import RigFile
 from hil.daemon.gateway_commands import Command, PendingCommands, parse_command
 from hil.daemon.gateway_cues import CueInlet, RepeatLimiter
-from hil.daemon.gateway_recording import RecorderThread, Write
-from hil.daemon.gateway_state import Decimator, drive_message, state_message
+from hil.daemon.gateway_recording import Recording
+from hil.daemon.gateway_state import Decimator, drive_message, state_message, status_message
 from hil.daemon.ipc import Channel, Sources, split_cue
 from hil.daemon.metrics import Metrics, MetricsServer
 from hil.daemon.records import (
+    DriveRecord,
     EventRecord,
     FrameRecord,
     GatewayAlive,
@@ -39,7 +40,7 @@ from hil.daemon.records import (
     StateRecord,
 )
 from hil.daemon.zenoh_session import Arrival, RigSession
-from hil.errors import ConfigError, ProtocolError, RunError
+from hil.errors import ProtocolError
 from hil.frames import StampedFrame
 from hil.messages import CommandReply, EventMessage
 from hil.signals import Event
@@ -93,7 +94,9 @@ class Gateway:
         self._repeats = RepeatLimiter()
         self._sources = Sources(rig.actuator_names)
         self._metrics = Metrics(rig.name)
-        self._recorder: RecorderThread | None = None
+        self._recording = Recording(
+            options.runs_folder or Path(rig.recording.folder), rig_text, rig, self._on_recorder_end
+        )
         self._state_rate = Decimator(rig.zenoh.state_hz)
         self._drive_rates: dict[tuple[int, str], Decimator] = {}
         self._last_state: StateRecord | None = None
@@ -110,6 +113,7 @@ class Gateway:
             StateRecord: self._on_state,
             SampleRecord: self._on_sample,
             SetpointRecord: self._on_setpoint,
+            DriveRecord: self._on_drive,
             EventRecord: self._on_event,
             ReplyRecord: self._commands.resolve,
         }
@@ -126,9 +130,7 @@ class Gateway:
         try:
             self._session.declare(messages.schemas(self._rig.coordinates, self._rig.actuator_names))
             server = self._serve_metrics()
-            if self._options.is_recording:
-                await self._start_recording()
-            self._event("info", "gateway_ready", self._where())
+            await self._say_ready()
             loop.add_reader(self._channel.fileno(), self._on_readable)
             self._handle_signals()
             await self._keep_alive()
@@ -137,25 +139,24 @@ class Gateway:
             loop.remove_reader(self._channel.fileno())
             self._commands.abandon("the control process is gone")
             await asyncio.gather(*self._tasks)
-            await self._stop_recording("control has ended")
+            await self._recording.stop("control has ended")
             if server is not None:
                 server.close()
             self._session.close()
             self._channel.close()
 
-    def _where(self) -> str:
+    async def _say_ready(self) -> None:
         listen = ", ".join(self._rig.zenoh.listen) or self._rig.zenoh.config or "nowhere"
-        kept = f"recording into {self._recorder.path}" if self._recorder else "not recording"
-        return f"clients reach {self._rig.name} at {listen}; {kept}"
+        self._event("info", "gateway_ready", f"clients reach {self._rig.name} at {listen}")
+        if self._options.is_recording:
+            reply = await self._recording.start()
+            self._event("info" if reply.ok else "warning", "recording", reply.message)
 
     def _serve_metrics(self) -> MetricsServer | None:
         port = self._options.metrics_port
         if port is None:
             return None
-        try:
-            server = MetricsServer(self._metrics.registry, port)
-        except OSError as error:
-            raise ConfigError(f"metrics: port {port} cannot be served: {error.strerror}") from error
+        server = MetricsServer(self._metrics.registry, port)
         self._event("info", "metrics_ready", f"metrics at http://127.0.0.1:{server.port}/metrics")
         return server
 
@@ -170,12 +171,11 @@ class Gateway:
 
     async def _keep_alive(self) -> None:
         while not self._done.is_set():
-            is_recording = self._recorder is not None and self._recorder.is_recording
+            is_recording = self._recording.path is not None
             now_s = time.monotonic()
             self._channel.send(GatewayAlive(now_s, is_recording))
             self._metrics.is_recording.set(is_recording)
-            if self._recorder is not None:
-                self._metrics.record_drops.set(self._recorder.dropped)
+            self._metrics.record_drops.set(self._recording.dropped)
             if not self._channel.is_open:
                 return
             if now_s - self._heard_s > SILENCE_S and not self._is_silent:
@@ -218,7 +218,7 @@ class Gateway:
     def _on_frame(self, record: FrameRecord) -> None:
         self._metrics.frame(is_sent=record.is_sent)
         stamped = StampedFrame(record.t_s, record.frame)
-        self._record(lambda recorder: recorder.frame(stamped, is_sent=record.is_sent))
+        self._recording.put(lambda recorder: recorder.frame(stamped, is_sent=record.is_sent))
 
     def _on_state(self, record: StateRecord) -> None:
         self._last_state = record
@@ -228,7 +228,7 @@ class Gateway:
             self._event("info", "control_back", "the control process speaks again")
         message = state_message(record, self._rig)
         self._metrics.state(message)
-        self._record(lambda recorder: recorder.state(message))
+        self._recording.put(lambda recorder: recorder.state(message))
         if self._state_rate.lets(record.t_s):
             self._session.publish("state", messages.encode(message), is_stream=True)
 
@@ -238,7 +238,7 @@ class Gateway:
 
     def _on_sample(self, record: SampleRecord) -> None:
         sample = self._sources.sample(record)
-        self._record(lambda recorder: recorder.sample(sample))
+        self._recording.put(lambda recorder: recorder.sample(sample))
         if sample.source == "imu":
             return
         key = (record.source, record.quantity)
@@ -248,11 +248,19 @@ class Gateway:
             payload = messages.encode(drive_message(record))
             self._session.publish(f"drive/{sample.source}", payload, is_stream=True)
 
+    def _on_drive(self, record: DriveRecord) -> None:
+        payload = messages.encode(status_message(record))
+        actuator = self._actuator(record.actuator)
+        self._session.publish(f"drive/{actuator}/status", payload, is_stream=False)
+
     def _on_setpoint(self, record: SetpointRecord) -> None:
-        if record.actuator >= len(self._rig.actuators):
-            raise ProtocolError(f"setpoint for actuator {record.actuator}, which the rig has not")
-        values = {self._rig.actuator_names[record.actuator]: record.value}
-        self._record(lambda recorder: recorder.setpoint(record.t_s, record.kind, values))
+        values = {self._actuator(record.actuator): record.value}
+        self._recording.put(lambda recorder: recorder.setpoint(record.t_s, record.kind, values))
+
+    def _actuator(self, index: int) -> str:
+        if index >= len(self._rig.actuators):
+            raise ProtocolError(f"a record of actuator {index}, which the rig has not")
+        return self._rig.actuator_names[index]
 
     def _on_event(self, record: EventRecord) -> None:
         self._tell(Event(record.t_s, record.severity, record.name, record.text))
@@ -265,7 +273,7 @@ class Gateway:
         self._metrics.event(event.severity, event.name)
         payload = messages.encode(EventMessage(event.t_s, event.severity, event.name, event.text))
         self._session.publish("event", payload, is_stream=False)
-        self._record(lambda recorder: recorder.event(event))
+        self._recording.put(lambda recorder: recorder.event(event))
         log = {"info": self._log.info, "warning": self._log.warning, "fault": self._log.error}
         log[event.severity](event.text, name=event.name)
 
@@ -286,7 +294,7 @@ class Gateway:
         self._metrics.cue(is_accepted=True)
         if self._channel.send(*split_cue(cue)) and self._channel.is_open:
             self._complain("cue_lost", arrival.client, "control does not take cues fast enough")
-        self._record(lambda recorder: recorder.cue(cue))
+        self._recording.put(lambda recorder: recorder.cue(cue))
 
     def _on_client(self, change: tuple[str, bool]) -> None:
         name, is_here = change
@@ -325,34 +333,9 @@ class Gateway:
         if command.name != "record":
             return await self._commands.ask(command)
         if command.value:
-            return await self._start_recording()
-        return await self._stop_recording(f"command of {command.client or 'a client'}")
-
-    async def _start_recording(self) -> CommandReply:
-        if self._recorder is not None and self._recorder.is_recording:
-            return CommandReply(True, f"already recording into {self._recorder.path}")
-        await self._stop_recording("a new recording begins")
-        folder = self._options.runs_folder or Path(self._rig.recording.folder)
-        try:
-            self._recorder = RecorderThread(
-                folder, self._rig_text, self._rig, time.monotonic(), self._on_recorder_end
-            )
-        except RunError as error:
-            self._event("warning", "recorder_stopped", f"not recording: {error}")
-            return CommandReply(False, str(error))
-        return CommandReply(True, f"recording into {self._recorder.path}")
-
-    async def _stop_recording(self, reason: str) -> CommandReply:
-        recorder, self._recorder = self._recorder, None
-        if recorder is None:
-            return CommandReply(True, "not recording")
-        ended = await asyncio.to_thread(recorder.stop, reason)
-        return CommandReply(ended.severity == "info", ended.text)
+            return await self._recording.start()
+        return await self._recording.stop(f"command of {command.client or 'a client'}")
 
     def _on_recorder_end(self, event: Event) -> None:
         with suppress(RuntimeError):  # the loop has ended meanwhile
             self._loop.call_soon_threadsafe(self._tell, event)
-
-    def _record(self, write: Write) -> None:
-        if self._recorder is not None:
-            self._recorder.put(write)

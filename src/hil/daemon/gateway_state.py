@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from hil.config import RigFile
-from hil.daemon.records import ActuatorState, SampleRecord, StateRecord
+from hil.daemon.records import ActuatorState, DriveRecord, SampleRecord, StateRecord
 from hil.messages import ActuatorState as ActuatorMessage
-from hil.messages import DriveMessage, StateMessage
+from hil.messages import DriveMessage, DriveStatusMessage, StateMessage
 
 
 def state_message(record: StateRecord, rig: RigFile) -> StateMessage:
@@ -34,6 +34,11 @@ def drive_message(record: SampleRecord) -> DriveMessage:
     return DriveMessage(
         record.received_s, record.sampled_s, **{record.quantity: _or_none(record.value)}
     )
+
+
+def status_message(record: DriveRecord) -> DriveStatusMessage:
+    """A drive's status when it changed."""
+    return DriveStatusMessage(record.t_s, record.phase, record.enabled, record.error)
 
 
 class Decimator:

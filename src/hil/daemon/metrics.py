@@ -8,6 +8,7 @@ from typing import Any, Final
 from prometheus_client import CollectorRegistry, Counter, Enum, Gauge, Histogram, start_http_server
 
 from hil.daemon.records import RIG_STATES
+from hil.errors import ConfigError
 from hil.messages import StateMessage
 
 LATENESS_BUCKETS_S: Final = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 1e-1)
@@ -71,12 +72,15 @@ class Metrics:
 
 
 class MetricsServer:
-    """Serves a registry over HTTP on loopback; OSError if the port is taken."""
+    """Serves a registry over HTTP on loopback; ConfigError if the port is taken."""
 
     def __init__(self, registry: CollectorRegistry, port: int) -> None:
         self._server: Any
         self._thread: Thread
-        self._server, self._thread = start_http_server(port, "127.0.0.1", registry)
+        try:
+            self._server, self._thread = start_http_server(port, "127.0.0.1", registry)
+        except OSError as error:
+            raise ConfigError(f"metrics: port {port} cannot be served: {error.strerror}") from error
         self.port: int = self._server.server_port
 
     def close(self) -> None:

@@ -28,6 +28,7 @@ RIG_STATES: Final = (
 )
 QUANTITIES: Final = ("position", "velocity", "force", "current", *IMU_QUANTITIES)
 KINDS: Final = ("position", "force")
+DRIVE_PHASES: Final = ("absent", "logged on", "configured", "ready", "enabled", "fault")
 SEVERITIES: Final = ("info", "warning", "fault")
 
 _NAN = float("nan")
@@ -96,6 +97,16 @@ class SetpointRecord(NamedTuple):
     value: float
 
 
+class DriveRecord(NamedTuple):
+    """A drive's status, sent when it changes; `error` keeps 120 bytes, empty where all is well."""
+
+    t_s: float
+    actuator: int
+    phase: str
+    enabled: bool
+    error: str = ""
+
+
 class CueShapedRecord(NamedTuple):
     """What the cue became after limits and gain: pose and its first two derivatives."""
 
@@ -154,6 +165,7 @@ Record = (
     | StateRecord
     | SampleRecord
     | SetpointRecord
+    | DriveRecord
     | CueShapedRecord
     | EventRecord
     | ReplyRecord

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from hil import frames
 from hil.daemon.records import (
+    DRIVE_PHASES,
     KINDS,
     MAX_AXES,
     POSES_PER_RECORD,
@@ -24,6 +25,7 @@ from hil.daemon.records import (
     CommandRecord,
     CueRecord,
     CueShapedRecord,
+    DriveRecord,
     EventRecord,
     FrameRecord,
     GatewayAlive,
@@ -85,6 +87,7 @@ _FRAME = struct.Struct("<d?16s")
 _STATE = struct.Struct(f"<dBBB{2 * MAX_AXES}d{5 * MAX_AXES}ddddQQQQd{FAULT_BYTES}s")
 _SAMPLE = struct.Struct("<BBddd")
 _SETPOINT = struct.Struct("<dBBd")
+_DRIVE = struct.Struct(f"<dBB?{FAULT_BYTES}s")
 _SHAPED = struct.Struct(f"<dB{3 * MAX_AXES}d")
 _EVENT = struct.Struct(f"<dB{NAME_BYTES}s{TEXT_BYTES}s")
 _REPLY = struct.Struct(f"<I?{REPLY_BYTES}s")
@@ -146,6 +149,16 @@ def _pack_setpoint(r: SetpointRecord) -> bytes:
 def _unpack_setpoint(body: bytes) -> SetpointRecord:
     t_s, actuator, code, value = _SETPOINT.unpack(body)
     return SetpointRecord(t_s, actuator, _name(KINDS, code), value)
+
+
+def _pack_drive(r: DriveRecord) -> bytes:
+    phase = _code(DRIVE_PHASES, r.phase)
+    return _DRIVE.pack(r.t_s, r.actuator, phase, r.enabled, cut(r.error, FAULT_BYTES))
+
+
+def _unpack_drive(body: bytes) -> DriveRecord:
+    t_s, actuator, code, enabled, error = _DRIVE.unpack(body)
+    return DriveRecord(t_s, actuator, _name(DRIVE_PHASES, code), enabled, _text(error))
 
 
 def _pack_shaped(r: CueShapedRecord) -> bytes:
@@ -237,6 +250,7 @@ _CODECS: Final[dict[int, tuple[type, int, Callable[[Any], bytes], Callable[[byte
     5: (CueShapedRecord, _SHAPED.size, _pack_shaped, _unpack_shaped),
     6: (EventRecord, _EVENT.size, _pack_event, _unpack_event),
     7: (ReplyRecord, _REPLY.size, _pack_reply, _unpack_reply),
+    8: (DriveRecord, _DRIVE.size, _pack_drive, _unpack_drive),
     16: (CueRecord, _CUE.size, _pack_cue, _unpack_cue),
     17: (CommandRecord, _COMMAND.size, _pack_command, _unpack_command),
     18: (GatewayAlive, _ALIVE.size, _pack_alive, _unpack_alive),

@@ -1,0 +1,63 @@
+"""Starts the gateway as a process of its own, and is that process (`python -m hil.daemon.gateway_process`).
+
+The parent hands over one end of the socket pair as an inherited descriptor and the rig on standard input.
+"""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from hil.config import RigFile
+from hil.configfile import parse_settings
+from hil.daemon.gateway import GatewayOptions, run_gateway
+from hil.errors import HilError
+
+
+def start_gateway(
+    rig: RigFile, rig_text: str, sock: socket.socket, options: GatewayOptions
+) -> subprocess.Popen[bytes]:
+    """Start the gateway with its end of the socket pair; the caller's copy is closed."""
+    folder = options.runs_folder
+    handed: dict[str, Any] = {
+        "rig": rig.model_dump(mode="json"),
+        "text": rig_text,
+        "options": {
+            "is_recording": options.is_recording,
+            "runs_folder": None if folder is None else str(folder),
+            "metrics_port": options.metrics_port,
+            "command_timeout_s": options.command_timeout_s,
+        },
+    }
+    command = [sys.executable, "-m", "hil.daemon.gateway_process", str(sock.fileno())]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, pass_fds=(sock.fileno(),))
+    assert process.stdin is not None
+    process.stdin.write(msgspec.json.encode(handed))
+    process.stdin.close()
+    sock.close()
+    return process
+
+
+def main() -> int:
+    """Be the gateway; exit code 2 and one sentence where it cannot start."""
+    handed = msgspec.json.decode(sys.stdin.buffer.read())
+    options = handed["options"]
+    if options["runs_folder"] is not None:
+        options["runs_folder"] = Path(options["runs_folder"])
+    rig = parse_settings(handed["rig"], RigFile, "rig handed to the gateway")
+    try:
+        return run_gateway(
+            rig, handed["text"], socket.socket(fileno=int(sys.argv[1])), GatewayOptions(**options)
+        )
+    except HilError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())
