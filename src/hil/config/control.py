@@ -25,14 +25,16 @@ class Control(Settings):
         "(velocity_ff, acceleration_ff, friction_ff = 1) at arming",
     )
     bandwidth: Positive = Field(
-        30.0, description="cascade and computed_torque: pole of the position error, rad/s"
+        30.0,
+        description="computed_torque: pole of the position error; cascade: its speed loops cross over at "
+        "1.5 times this, position gain is a third of it or less, rad/s",
     )
     damping: Annotated[float, Field(ge=0.3, le=2.0)] = Field(
         1.0, description="computed_torque: damping ratio of the error dynamics"
     )
     integral: NonNegative = Field(
         0.0,
-        description="cascade: rate of the speed loop's integrator, 1/s; 0 = a third of bandwidth",
+        description="cascade: rate of the speed loop's integrator, 1/s; 0 = 0.7 of the position gain",
     )
     observer: Positive = Field(60.0, description="bandwidth of the state observer, rad/s")
 

@@ -1,0 +1,31 @@
+"""What a control mode hands to the drives, and the timing with which it acts there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.config import RigFile
+
+Kind = Literal["position", "force"]
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoints:
+    """One value an actuator (n,): m or rad for "position", N or N·m for "force"."""
+
+    values: NDArray[np.float64]
+    kind: Kind
+
+
+def slot_offsets(rig: RigFile) -> NDArray[np.float64]:
+    """Time from the start of a cycle to each drive's acting on its setpoint (n,), s.
+
+    In the schedule "parameter" the drives' slots follow each other by bus.stagger; in "fast" all
+    setpoints go out at once.
+    """
+    stagger = rig.bus.stagger if rig.bus.schedule == "parameter" else 0.0
+    return np.array([rig.bus.setpoint_delay + stagger * i for i in range(len(rig.actuators))])
