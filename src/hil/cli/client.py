@@ -30,9 +30,7 @@ def command(
             "at once; reset: clear a latched fault; record: start or stop recording; gain: master gain.",
         ),
     ],
-    argument: Annotated[
-        str | None, typer.Argument(help="record: on or off; gain: 0 to 1.")
-    ] = None,
+    argument: Annotated[str | None, typer.Argument(help="record: on or off; gain: 0 to 1.")] = None,
     endpoint: Endpoint = ENDPOINT,
     json: JsonFlag = False,
 ) -> None:
@@ -65,7 +63,9 @@ def watch(
     with RigClient(settings.name, endpoint) as client:
         states, events = client.states(), client.events(timeout_s=0.0)
         first_s: float | None = None
-        with Live(console=out, refresh_per_second=10, transient=json, auto_refresh=not json) as live:
+        with Live(
+            console=out, refresh_per_second=10, transient=json, auto_refresh=not json
+        ) as live:
             for state in states:
                 first_s = state.t if first_s is None else first_s
                 if seconds is not None and state.t - first_s > seconds:

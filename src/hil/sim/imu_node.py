@@ -33,7 +33,8 @@ class SimulatedImu:
         while self.next_due_s <= now_s:
             at_s = self.next_due_s
             self._plant.advance(at_s)
-            values = self._plant.imu() + self._sigma * self._rng.standard_normal(6)
+            noise = self._sigma * self._rng.standard_normal(6)
+            values = self._plant.imu_answer(at_s, noise)
             coarse = self._step > 0.0
             values[coarse] = np.round(values[coarse] / self._step[coarse]) * self._step[coarse]
             frames = encode(self._base_id, values[:3].tolist(), values[3:].tolist(), self._counter)

@@ -6,7 +6,7 @@ Pure: the deterministic world drives it in simulated time, `hil simulate` in rea
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,14 +19,14 @@ from hil.sim.plant import Plant
 
 
 class SimulatedRig:
-    """Plant, drives and IMU of a rig file; `profiles` are the drives' profiles, one an actuator."""
+    """Plant, drives and IMU of a rig file; `profiles` by the names that the rig file uses."""
 
-    def __init__(self, rig: RigFile, profiles: Sequence[LustProfile], seed: int = 0) -> None:
+    def __init__(self, rig: RigFile, profiles: Mapping[str, LustProfile], seed: int = 0) -> None:
         streams = np.random.default_rng(seed).spawn(len(rig.actuators) + 1)
         self.plant = Plant(rig, seed=seed)
         self.drives = [
-            SimulatedCdd3000(rig, i, self.plant, profile, streams[i])
-            for i, profile in enumerate(profiles)
+            SimulatedCdd3000(rig, i, self.plant, profiles[actuator.drive.profile], streams[i])
+            for i, actuator in enumerate(rig.actuators)
         ]
         self.imu = SimulatedImu(rig, self.plant, streams[-1]) if rig.imu else None
         self._pending: list[tuple[float, int, Frame]] = []

@@ -89,8 +89,10 @@ class LiveView:
         )
         table.add_row("lateness", f"{state.lateness_s * 1e6:7.0f} µs", _spark(self._lateness))
         table.add_row(
-            "slots used", f"{state.slot_use:7.2%}", f"bus load {state.bus_load:.0%}, "
-            f"{state.overruns} overrun{'' if state.overruns == 1 else 's'}"
+            "slots used",
+            f"{state.slot_use:7.2%}",
+            f"bus load {state.bus_load:.0%}, "
+            f"{state.overruns} overrun{'' if state.overruns == 1 else 's'}",
         )
         return table
 

@@ -1,0 +1,196 @@
+"""The control process: one asyncio loop around the pure core, woken by a timerfd and by the bus.
+
+It opens no file and no Zenoh session and writes no log: everything it has to tell goes to the gateway as
+records, in sends that never block.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import socket
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from hil.bus.load import frame_bits
+from hil.bus.port import BusPort
+from hil.bus.timerfd import Timer
+from hil.config import RigFile
+from hil.daemon.core import RigCore
+from hil.daemon.ipc import Channel, CueJoiner
+from hil.daemon.realtime import CalmGarbage, request_rights
+from hil.daemon.records import CommandRecord, CueRecord, EventRecord, GatewayAlive
+from hil.daemon.sdnotify import Notifier
+from hil.drives.driver import DriveBus
+from hil.errors import BusError
+from hil.frames import Frame
+
+STATUS_S: Final = 1.0
+"""Between two status lines for systemd."""
+LOAD_S: Final = 0.5
+"""Over which the bus load is averaged."""
+PARK_S: Final = 20.0
+"""After the signal to end, the rig gets so long to park before the drives are switched off anyway."""
+OFF_CYCLES: Final = 10
+"""Cycles in which the drives are told to be off before the process ends."""
+
+
+@dataclass(slots=True)
+class BusLoad:
+    """Share of the bus's bit time in use, from the frames seen, over LOAD_S."""
+
+    bitrate_bps: int
+    since_s: float
+    bits: int = 0
+    load: float = float("nan")
+
+    def add(self, frame: Frame) -> None:
+        """Count a frame sent or received."""
+        self.bits += frame_bits(frame)
+
+    def at(self, now_s: float) -> float:
+        """The load of the last full stretch."""
+        if now_s - self.since_s >= LOAD_S:
+            self.load = self.bits / self.bitrate_bps / (now_s - self.since_s)
+            self.since_s, self.bits = now_s, 0
+        return self.load
+
+
+class ControlProcess:
+    """Runs one rig on `port` until told to end; then parks, switches the drives off and leaves."""
+
+    def __init__(
+        self,
+        rig: RigFile,
+        drives: DriveBus,
+        port: BusPort,
+        gateway: socket.socket,
+        notifier: Notifier,
+    ) -> None:
+        now_s = time.monotonic()
+        self._rig = rig
+        self._port = port
+        self._core = RigCore(rig, drives, now_s + rig.bus.cycle, read_only=port.read_only)
+        self._channel = Channel(gateway)
+        self._joiner = CueJoiner()
+        self._notifier = notifier
+        self._timer = Timer()
+        self._garbage = CalmGarbage()
+        self._load = BusLoad(rig.can.bitrate, now_s)
+        self._status_s = now_s
+        self._alive_s = now_s
+        self._ending_s: float | None = None
+        self._off_cycles = 0
+        self._done: asyncio.Future[None]
+
+    async def run(self) -> None:
+        """Serve until the end; BusError if the bus is lost for good."""
+        loop = asyncio.get_running_loop()
+        self._done = loop.create_future()
+        for right in request_rights():
+            severity = "info" if right.is_granted else "warning"
+            self._channel.send(
+                EventRecord(time.monotonic(), severity, f"right_{right.name}", right.text)
+            )
+        for signum in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(signum, self.end)
+        readers = (
+            (self._port.fileno(), self._on_frames),
+            (self._timer.fileno(), self._on_timer),
+            (self._channel.fileno(), self._on_gateway),
+        )
+        for fd, action in readers:
+            loop.add_reader(fd, self._guarded, action)
+        self._timer.arm_at(self._core.next_due_s)
+        self._notifier.ready(f"{self._rig.name} on {self._port.name}: {self._core.state}")
+        try:
+            await self._done
+        finally:
+            self._notifier.stopping("the control process ends")
+            for fd, _ in readers:
+                loop.remove_reader(fd)
+            self._channel.send(*self._core.take_records())
+            self._channel.close()
+            self._timer.close()
+
+    def end(self) -> None:
+        """Park if the rig is up, switch the drives off, then leave. A second call leaves at once."""
+        now_s = time.monotonic()
+        if self._ending_s is not None:
+            self._off_cycles = OFF_CYCLES
+            return
+        self._ending_s = now_s
+        self._core.begin_end(now_s)
+        self._notifier.stopping("parking")
+
+    def _guarded(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except Exception as error:  # noqa: BLE001 - whoever awaits run() gets it
+            if not self._done.done():
+                self._done.set_exception(error)
+
+    def _on_frames(self) -> None:
+        for t_s, frame in self._port.receive():
+            self._load.add(frame)
+            self._core.on_frame(t_s, frame)
+
+    def _on_timer(self) -> None:
+        self._timer.expirations()
+        now_s = time.monotonic()
+        self._core.bus_load = self._load.at(now_s)
+        self._send(now_s, self._core.on_due(now_s))
+        self._timer.arm_at(self._core.next_due_s)
+        self._channel.send(*self._core.take_records())
+        self._calm()
+        self._notify(now_s)
+        self._leave_when_off(now_s)
+
+    def _on_gateway(self) -> None:
+        now_s = time.monotonic()
+        for record in self._channel.receive():
+            if isinstance(record, CueRecord):
+                cue = self._joiner.add(record)
+                if cue is not None:
+                    self._core.cue(now_s, cue)
+            elif isinstance(record, CommandRecord):
+                self._core.command(now_s, record)
+            elif isinstance(record, GatewayAlive):
+                self._core.gateway_alive(now_s)
+        if not self._channel.is_open:
+            asyncio.get_running_loop().remove_reader(self._channel.fileno())
+
+    def _send(self, now_s: float, frames: Sequence[Frame]) -> None:
+        for frame in frames:
+            try:
+                self._port.send(frame)
+                self._load.add(frame)
+            except BusError as error:
+                self._core.on_refused(now_s, frame, error)
+
+    def _calm(self) -> None:
+        if self._core.armed:
+            self._garbage.arm()
+        else:
+            self._garbage.disarm()
+
+    def _notify(self, now_s: float) -> None:
+        watchdog_s = self._notifier.watchdog_s
+        if watchdog_s is not None and now_s - self._alive_s >= watchdog_s:
+            self._alive_s = now_s
+            self._notifier.alive()
+        if now_s - self._status_s >= STATUS_S:
+            self._status_s = now_s
+            self._notifier.status(f"{self._rig.name} on {self._port.name}: {self._core.state}")
+
+    def _leave_when_off(self, now_s: float) -> None:
+        if self._ending_s is None:
+            return
+        if now_s - self._ending_s > PARK_S:
+            self._core.cut_power(now_s)
+        if not self._core.armed:
+            self._off_cycles += 1
+        if self._off_cycles > OFF_CYCLES * (len(self._rig.actuators) + 1) and not self._done.done():
+            self._done.set_result(None)

@@ -1,0 +1,109 @@
+"""Between the core and the wire: drivers, gate, monitor and IMU receiver of one rig.
+
+Every frame that leaves is made by a driver and judged by the gate; every frame that comes in is turned into
+samples, events and findings. What passed either way is recorded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from hil.config import RigFile
+from hil.daemon.records import FrameRecord, Record, SampleRecord, SetpointRecord
+from hil.drives.driver import DriveBus, DriveStatus, PowerGoal
+from hil.drives.imu_node import ImuReceiver
+from hil.frames import Frame
+from hil.safety import Finding, Gate, finding_of, gate_limits
+from hil.safety.monitor import Monitor
+from hil.signals import Event, Sample
+
+
+class Link:
+    """What one rig says and hears on its bus."""
+
+    def __init__(self, rig: RigFile, drives: DriveBus, *, read_only: bool = False) -> None:
+        self.drives = drives
+        self.gate = Gate(
+            gate_limits(rig, drives[0].setpoint_kind), drives.meaning, read_only=read_only
+        )
+        self.monitor = Monitor(rig, drives.meaning)
+        self.imu = ImuReceiver(rig.can.imu_base_id, rig.imu.delay) if rig.imu else None
+        self._index = {name: i for i, name in enumerate((*rig.actuator_names, "imu"))}
+        self._findings: list[Finding] = []
+        self._records: list[Record] = []
+
+    @property
+    def statuses(self) -> tuple[DriveStatus, ...]:
+        """The drives as known now."""
+        return tuple(driver.status for driver in self.drives)
+
+    def receive(self, now_s: float, frame: Frame) -> tuple[list[Sample], list[Event]]:
+        """What a received frame says; what is wrong with it becomes a finding or a count."""
+        self._records.append(FrameRecord(now_s, False, frame))
+        samples: list[Sample] = []
+        events: list[Event] = []
+        self._find(self.monitor.on_frame(frame))
+        for item in self.drives.on_frame(now_s, frame):
+            if isinstance(item, Sample):
+                samples.append(item)
+            else:
+                events.append(item)
+        if self.imu is not None:
+            samples += self.imu.on_frame(now_s, frame)
+        for sample in samples:
+            i = self._index[sample.source]
+            if sample.quantity == "position":
+                self.gate.measured(i, sample.value, now_s)
+            self._find(self.monitor.on_sample(i, sample))
+            self._records.append(
+                SampleRecord(i, sample.quantity, sample.value, sample.sampled_s, now_s)
+            )
+        self.take_in(events)
+        return samples, events
+
+    def take_in(self, events: Iterable[Event]) -> None:
+        """Turn drivers' fault events into findings for the state machine."""
+        self._find(finding for event in events if (finding := finding_of(event)) is not None)
+
+    def begin(self, now_s: float) -> list[Frame]:
+        """Frames that concern the whole bus; once a cycle."""
+        return self._passed(now_s, self.drives.on_cycle(now_s))
+
+    def slot(
+        self,
+        now_s: float,
+        i: int,
+        goal: PowerGoal,
+        setpoint: float | None,
+        position: float | None,
+    ) -> list[Frame]:
+        """Frames of drive i's slot, as far as the gate lets them pass.
+
+        `position` is the actuator's position, m or rad, that the setpoint is meant to bring about.
+        """
+        driver = self.drives[i]
+        frames = self._passed(now_s, driver.on_slot(now_s, goal, setpoint))
+        if setpoint is not None and driver.status.enabled:
+            self._records.append(SetpointRecord(now_s, i, driver.setpoint_kind, setpoint))
+            if position is not None:
+                self.monitor.commanded(i, position, now_s)
+        return frames
+
+    def findings(self, now_s: float) -> tuple[Finding, ...]:
+        """What monitor, drivers and gate have found since the last call, once a cycle."""
+        self._find(self.monitor.findings(now_s))
+        found, self._findings = (*self._findings, *self.gate.findings()), []
+        return found
+
+    def take_records(self) -> list[Record]:
+        """Frames, samples and setpoints since the last call, in their order."""
+        records, self._records = self._records, []
+        return records
+
+    def _passed(self, now_s: float, frames: Iterable[Frame]) -> list[Frame]:
+        passed = [frame for frame in frames if self.gate.pass_frame(now_s, frame).ok]
+        self._records += [FrameRecord(now_s, True, frame) for frame in passed]
+        return passed
+
+    def _find(self, findings: Iterable[Finding]) -> None:
+        self._findings.extend(findings)

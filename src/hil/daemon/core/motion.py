@@ -1,0 +1,104 @@
+"""From cues and samples to one setpoint an actuator: guard, shaper, observer, controller of one rig."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from hil.config import RigFile
+from hil.control.guard import CueGuard, Verdict
+from hil.control.modes import build_controller
+from hil.control.observer import Observed, Observer
+from hil.control.reference import Reference
+from hil.control.setpoints import Setpoints
+from hil.control.shaping import CueShaper
+from hil.rigs import Manipulator
+from hil.safety.rigstate import MotionGoal
+from hil.signals import Cue, Sample
+
+NEAR_PARKED: Final = 0.02
+"""The measured pose counts as near the parked one within this, m or rad: a step no rider would notice."""
+
+
+class Motion:
+    """What one rig is asked to do, cycle by cycle."""
+
+    def __init__(self, rig: RigFile, manipulator: Manipulator, torque_reference: bool) -> None:
+        self.manipulator = manipulator
+        self.guard = CueGuard(rig)
+        self.shaper = CueShaper(rig, manipulator)
+        self.observer = Observer(rig, manipulator)
+        self.observed = self.observer.estimate(0.0)
+        self.reference: Reference | None = None
+        self.setpoints: Setpoints | None = None
+        self._controller = build_controller(rig, manipulator, torque_reference)
+        self._parked = np.asarray(rig.parked_pose)
+        self._goal = MotionGoal.NONE
+
+    def cue(self, now_s: float, cue: Cue) -> Verdict:
+        """Judge a cue and, if it may move the rig, take it."""
+        verdict = self.guard.check(cue, now_s)
+        if verdict.cue is not None:
+            self.shaper.accept(verdict.cue)
+        return verdict
+
+    def sample(self, sample: Sample) -> None:
+        """Take a measured value."""
+        self.observer.sample(sample)
+
+    def observe(self, now_s: float) -> Observed:
+        """The rig's state now."""
+        self.observed = self.observer.estimate(now_s)
+        return self.observed
+
+    @property
+    def near_parked(self) -> bool:
+        """Whether the measured pose is known and near the parked one."""
+        off = np.abs(self.observed.pose - self._parked)
+        return self.observed.is_known and bool(np.all(off < NEAR_PARKED))
+
+    def step(self, now_s: float, goal: MotionGoal) -> Setpoints | None:
+        """Setpoints of the cycle that starts at `now_s`; None while drives are off."""
+        if goal is MotionGoal.NONE:
+            self._rest()
+        else:
+            if goal is not self._goal:
+                self._turn_to(goal)
+            self.reference = self.shaper.step(now_s)
+            self.setpoints = self._controller.step(now_s, self.reference, self.observed)
+        self._goal = goal
+        self.observer.applied(now_s, self.setpoints)
+        return self.setpoints
+
+    def wanted(self, i: int) -> tuple[float | None, float | None]:
+        """Setpoint of actuator i in this cycle and the position it means; None while drives are off."""
+        if self.setpoints is None or self.reference is None:
+            return None, None
+        value = float(self.setpoints.values[i])
+        if self.setpoints.kind == "position":
+            return value, value
+        return value, float(self.manipulator.inverse(self.reference.pose)[i])
+
+    def _rest(self) -> None:
+        """Drives are off: what will be asked first is where the rig stands."""
+        self.reference = self.setpoints = None
+        if self.observed.is_known:
+            self.shaper.reset(self.observed.pose)
+            self._controller.reset(self.observed)
+
+    def _turn_to(self, goal: MotionGoal) -> None:
+        if goal is MotionGoal.FOLLOW:
+            self.shaper.follow()
+        elif goal is MotionGoal.PARK:
+            self.shaper.park()
+        else:
+            self.shaper.hold()
+
+
+def tracking_error(motion: Motion) -> float:
+    """Largest |wanted - observed| position of the actuators now, m or rad; NaN while drives are off."""
+    if motion.reference is None or not motion.observed.is_known:
+        return float("nan")
+    wanted = motion.manipulator.inverse(motion.reference.at(motion.observed.t_s).pose)
+    return float(np.max(np.abs(wanted - motion.observed.position)))

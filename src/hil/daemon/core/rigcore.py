@@ -1,0 +1,291 @@
+"""The core: one rig's whole decision making, as functions of what came in and of the time.
+
+`on_frame`, `on_due`, `on_refused`, `cue` and `command` are called with the present time; each returns (or
+leads to) frames to send at once, already passed by the gate. What is to be published and recorded
+gathers in `take_records`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, Literal
+
+from hil.bus.state import ERR_BUS_OFF, ERR_RESTARTED
+from hil.config import RigFile
+from hil.daemon.core.link import Link
+from hil.daemon.core.motion import Motion, tracking_error
+from hil.daemon.core.schedule import CYCLE, Due, Schedule
+from hil.daemon.records import (
+    ActuatorState,
+    CommandRecord,
+    CueShapedRecord,
+    DriveRecord,
+    EventRecord,
+    Record,
+    ReplyRecord,
+    StateRecord,
+)
+from hil.drives.driver import DriveBus, PowerGoal
+from hil.errors import BusError, BusOff, LimitViolation
+from hil.frames import Frame
+from hil.rigs import build_rig
+from hil.safety import (
+    Command,
+    MotionGoal,
+    Request,
+    RigInputs,
+    RigState,
+    RigStateMachine,
+    StateName,
+    state_settings,
+)
+from hil.signals import Cue, Event
+
+GATEWAY_TIMEOUT_S: Final = 1.0
+"""A gateway silent for so long is gone; it beats ten times a second."""
+COMMANDS: Final = {command.value: command for command in Command}
+OURS: Final = -1
+"""Request number of requests that the core makes itself: nobody waits for the reply."""
+EVENT_REPEAT_S: Final = 1.0
+"""The same trouble is told once in so long, with the number of times it was held back."""
+NAN: Final = float("nan")
+Severity = Literal["info", "warning", "fault"]
+
+
+class RigCore:
+    """One rig. `start_s` is the instant of the first cycle, s."""
+
+    def __init__(
+        self, rig: RigFile, drives: DriveBus, start_s: float, *, read_only: bool = False
+    ) -> None:
+        self.rig = rig
+        self._link = Link(rig, drives, read_only=read_only)
+        self._motion = Motion(rig, build_rig(rig), drives[0].setpoint_kind == "force")
+        self._machine = RigStateMachine(state_settings(rig))
+        self._state = RigState()
+        self._power, self._goal = PowerGoal.OFF, MotionGoal.NONE
+        stagger_s = rig.bus.stagger if rig.bus.schedule == "parameter" else 0.0
+        self._schedule = Schedule(start_s, rig.bus.cycle, stagger_s, len(drives))
+        self._requests: list[Request] = []
+        self._records: list[Record] = []
+        self._phases = [""] * len(drives)
+        self._told: dict[str, tuple[float, int]] = {}
+        self._gateway_s = start_s
+        self._cycle_s = NAN
+        self._refused_now = False
+        self._busy_cycles = 0
+        self._bus_off = False
+        self._ending = False
+        self.bus_load = NAN
+        """Share of the bus in use, as whoever holds the port has measured it."""
+
+    @property
+    def state(self) -> str:
+        """Name of the rig's state."""
+        return self._state.name.value
+
+    @property
+    def armed(self) -> bool:
+        """Whether the gate lets the drives be powered."""
+        return self._state.armed
+
+    # what comes in
+
+    def on_frame(self, now_s: float, frame: Frame) -> Sequence[Frame]:
+        """A frame was received. Nothing is ever sent in answer: what is sent waits for its slot."""
+        if frame.is_error:
+            self._on_error_frame(now_s, frame)
+        samples, events = self._link.receive(now_s, frame)
+        for sample in samples:
+            self._motion.sample(sample)
+        self._note(events)
+        self._records += self._link.take_records()
+        return ()
+
+    def cue(self, now_s: float, cue: Cue) -> None:
+        """A cue has arrived."""
+        verdict = self._motion.cue(now_s, cue)
+        if verdict.name != "accepted":
+            self._tell(now_s, f"cue_{verdict.name.replace(':', '_')}", verdict.text)
+
+    def command(self, now_s: float, command: CommandRecord) -> None:
+        """A client's command; its reply is among the records, at the next cycle at the latest."""
+        if command.name == "gain":
+            self._records.append(self._set_gain(command))
+        elif command.name in COMMANDS:
+            self._requests.append(Request(command.command_id, COMMANDS[command.name]))
+        else:
+            known = ", ".join((*COMMANDS, "gain"))
+            text = f"{command.name!r} is no command of a rig; there are {known}"
+            self._records.append(ReplyRecord(command.command_id, False, text))
+
+    def gateway_alive(self, now_s: float) -> None:
+        """The gateway process has been heard."""
+        self._gateway_s = now_s
+
+    def on_refused(self, now_s: float, frame: Frame, error: BusError) -> None:
+        """The bus did not take a frame that had passed the gate."""
+        self._refused_now = True
+        self._bus_off = self._bus_off or isinstance(error, BusOff)
+        self._tell(now_s, "bus_refused", f"{frame} was not sent: {error}")
+
+    def end(self) -> None:
+        """Somebody wants to leave: park if the drives are on, then switch them off."""
+        self._ending = True
+
+    # what is due
+
+    @property
+    def next_due_s(self) -> float:
+        """When `on_due` wants to be called, s."""
+        return self._schedule.next_due_s
+
+    def on_due(self, now_s: float) -> list[Frame]:
+        """Do all that is due; returns the frames to send, in order."""
+        frames: list[Frame] = []
+        for due in self._schedule.take(now_s):
+            if due.slot == CYCLE:
+                frames += self._begin_cycle(now_s, due)
+            else:
+                value, position = self._motion.wanted(due.slot)
+                frames += self._link.slot(now_s, due.slot, self._power, value, position)
+        self._records += self._link.take_records()
+        return frames
+
+    def take_records(self) -> list[Record]:
+        """All there is to publish and record since the last call."""
+        records, self._records = self._records, []
+        return records
+
+    def _begin_cycle(self, now_s: float, due: Due) -> list[Frame]:
+        self._motion.observe(now_s)
+        frames = self._link.begin(now_s)
+        self._note(self._link.drives.take_events())
+        self._busy_cycles = self._busy_cycles + 1 if self._refused_now else 0
+        self._refused_now = False
+        outputs, self._state = self._machine.step(self._inputs(now_s), self._state, now_s)
+        self._requests = []
+        self._power, self._goal = outputs.power, outputs.motion
+        self._link.gate.arm() if outputs.armed else self._link.gate.disarm()
+        self._motion.step(now_s, outputs.motion)
+        self._records += [EventRecord(*_event(e)) for e in outputs.events]
+        self._records += [
+            ReplyRecord(r.request_id, r.ok, r.message)
+            for r in outputs.replies
+            if r.request_id != OURS
+        ]
+        self._report(now_s, due)
+        return frames
+
+    def _inputs(self, now_s: float) -> RigInputs:
+        age_s = self._motion.guard.age_s(now_s)
+        shaper = self._motion.shaper
+        return RigInputs(
+            drives=self._link.statuses,
+            cue_age_s=None if age_s == float("inf") else age_s,
+            requests=(*self._requests, *self._own_requests()),
+            at_rest=shaper.at_rest,
+            at_parked=shaper.at_parked,
+            near_parked=self._motion.near_parked,
+            findings=self._link.findings(now_s),
+            overruns=self._schedule.missed_in_a_row,
+            busy_cycles=self._busy_cycles,
+            bus_off=self._bus_off,
+            gateway_alive=now_s - self._gateway_s < GATEWAY_TIMEOUT_S,
+        )
+
+    def _own_requests(self) -> tuple[Request, ...]:
+        if not self._ending or not self._state.armed:
+            return ()
+        if self._state.name in (StateName.READY, StateName.ENGAGED):
+            return (Request(OURS, Command.PARK),)
+        if self._state.name is StateName.PARKED:
+            return (Request(OURS, Command.DISARM),)
+        return ()
+
+    def _on_error_frame(self, now_s: float, frame: Frame) -> None:
+        error_class = frame.can_id
+        if error_class & ERR_BUS_OFF:
+            self._bus_off = True
+            self._tell(now_s, "bus_off", "the CAN controller has left the bus")
+        elif error_class & ERR_RESTARTED:
+            self._bus_off = False
+            self._tell(now_s, "bus_on", "the CAN controller is on the bus again")
+
+    def _set_gain(self, command: CommandRecord) -> ReplyRecord:
+        try:
+            self._motion.shaper.set_gain(float(command.argument))
+        except (ValueError, LimitViolation) as error:
+            return ReplyRecord(command.command_id, False, str(error))
+        return ReplyRecord(command.command_id, True, f"master gain {float(command.argument):g}")
+
+    # what is told
+
+    def _report(self, now_s: float, due: Due) -> None:
+        statuses = self._link.statuses
+        for i, status in enumerate(statuses):
+            if status.phase.value != self._phases[i]:
+                self._phases[i] = status.phase.value
+                self._records.append(
+                    DriveRecord(now_s, i, status.phase.value, status.enabled, status.error or "")
+                )
+        motion, observed = self._motion, self._motion.observed
+        reference, setpoints = motion.reference, motion.setpoints
+        if reference is not None:
+            self._records.append(
+                CueShapedRecord(
+                    reference.t_s,
+                    tuple(reference.pose.tolist()),
+                    tuple(reference.velocity.tolist()),
+                    tuple(reference.acceleration.tolist()),
+                )
+            )
+        values = [NAN] * len(statuses) if setpoints is None else setpoints.values.tolist()
+        known = observed.is_known
+        actuators = tuple(
+            ActuatorState(
+                values[i],
+                float(observed.position[i]) if known else NAN,
+                float(observed.velocity[i]) if known else NAN,
+                float(observed.force[i]),
+                float(observed.age_s[i]),
+            )
+            for i in range(len(statuses))
+        )
+        period_s, self._cycle_s = now_s - self._cycle_s, now_s
+        fault = self._state.fault
+        self._records.append(
+            StateRecord(
+                now_s,
+                self.state,
+                tuple(observed.pose.tolist()) if known else (NAN,) * len(statuses),
+                tuple(reference.pose.tolist()) if reference else (NAN,) * len(statuses),
+                actuators,
+                tracking_error(motion),
+                now_s - due.due_s,
+                period_s,
+                self._schedule.cycles,
+                self._schedule.overruns,
+                sum(s.slots for s in statuses),
+                sum(s.pairs for s in statuses),
+                self.bus_load,
+                f"{fault.cause.value}: {fault.text}" if fault else "",
+            )
+        )
+
+    def _note(self, events: Sequence[Event]) -> None:
+        self._records += [EventRecord(*_event(event)) for event in events]
+
+    def _tell(self, now_s: float, name: str, text: str) -> None:
+        """A warning, but of its kind only one a second."""
+        told_s, held_back = self._told.get(name, (-EVENT_REPEAT_S, 0))
+        if now_s - told_s < EVENT_REPEAT_S:
+            self._told[name] = (told_s, held_back + 1)
+            return
+        more = f" ({held_back} more like it)" if held_back else ""
+        self._told[name] = (now_s, 0)
+        self._records.append(EventRecord(now_s, "warning", name, text + more))
+
+
+def _event(event: Event) -> tuple[float, Severity, str, str]:
+    return event.t_s, event.severity, event.name, event.text

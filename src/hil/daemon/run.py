@@ -1,0 +1,60 @@
+"""`hil run`: the lock, the bus, the gateway process, and the control process that this one becomes."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import subprocess
+from collections.abc import Mapping
+from typing import Final
+
+from hil.bus.port import open_port
+from hil.config import RigFile
+from hil.daemon.control_process import ControlProcess
+from hil.daemon.gateway import GatewayOptions
+from hil.daemon.gateway_process import start_gateway
+from hil.daemon.ipc import socket_pair
+from hil.daemon.lock import RigLock
+from hil.daemon.sdnotify import Notifier
+from hil.drives import build_drivers
+from hil.drives.profile import LustProfile
+from hil.errors import HilError
+
+GATEWAY_END_S: Final = 10.0
+"""The gateway gets so long to finish its recording."""
+
+
+def run_rig(
+    rig: RigFile,
+    rig_text: str,
+    profiles: Mapping[str, LustProfile],
+    options: GatewayOptions,
+    *,
+    read_only: bool = False,
+) -> int:
+    """Run the rig until SIGINT or SIGTERM. Returns 0, or the gateway's exit code if it could not start.
+
+    RigInUse where another daemon has the rig or the bus, BusError where there is no such bus.
+    """
+    drives = build_drivers(rig, profiles)
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(RigLock(rig.name, rig.can.url))
+        notifier = stack.enter_context(Notifier())
+        port = open_port(rig.can.url, bitrate_bps=rig.can.bitrate, read_only=read_only)
+        stack.callback(port.close)
+        ours, theirs = socket_pair()
+        gateway = start_gateway(rig, rig_text, theirs, options)
+        stack.callback(_end_gateway, gateway)
+        control = ControlProcess(rig, drives, port, ours, notifier)
+        asyncio.run(control.run())
+    if gateway.returncode == 2:
+        raise HilError(f"{rig.name}: the gateway process could not start; its reason is above")
+    return 0
+
+
+def _end_gateway(gateway: subprocess.Popen[bytes]) -> None:
+    try:
+        gateway.wait(GATEWAY_END_S)
+    except subprocess.TimeoutExpired:
+        gateway.kill()
+        gateway.wait()

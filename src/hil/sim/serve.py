@@ -1,0 +1,72 @@
+"""Runs a simulated rig against the clock on a real bus port: the process behind `hil simulate`."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from hil.bus.port import BusPort
+from hil.bus.timerfd import Timer
+from hil.errors import BusBusy
+from hil.sim.rig import SimulatedRig
+
+
+class SimulatedRigServer:
+    """Feeds frames and time to a simulated rig. The plant's clock starts with `run`."""
+
+    def __init__(self, simulated: SimulatedRig, port: BusPort) -> None:
+        self._simulated = simulated
+        self._port = port
+        self._start_s = 0.0
+        self._failed: asyncio.Future[None]
+        self._timer = Timer()
+        self.unsent = 0
+        """Frames that the bus did not take."""
+
+    async def run(self) -> None:
+        """Serve until cancelled; BusError if the bus is lost."""
+        loop = asyncio.get_running_loop()
+        self._failed = loop.create_future()
+        self._start_s = time.monotonic() - self._simulated.plant.now_s
+        loop.add_reader(self._port.fileno(), self._guarded, self._on_frames)
+        loop.add_reader(self._timer.fileno(), self._guarded, self._on_timer)
+        self._guarded(self._on_timer)
+        try:
+            await self._failed
+        finally:
+            loop.remove_reader(self._port.fileno())
+            loop.remove_reader(self._timer.fileno())
+            self._timer.close()
+
+    def _guarded(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+            self._timer.arm_at(self._simulated.next_due_s + self._start_s)
+        except Exception as error:  # noqa: BLE001 - handed to whoever awaits run()
+            if not self._failed.done():
+                self._failed.set_exception(error)
+
+    def _on_frames(self) -> None:
+        for stamped in self._port.receive():
+            self._simulated.on_frame(stamped.t_s - self._start_s, stamped.frame)
+
+    def _on_timer(self) -> None:
+        self._timer.expirations()
+        for frame in self._simulated.on_time(time.monotonic() - self._start_s):
+            try:
+                self._port.send(frame)
+            except BusBusy:
+                self.unsent += 1
+
+
+async def serve_until_signalled(simulated: SimulatedRig, port: BusPort) -> None:
+    """Serve until SIGINT or SIGTERM."""
+    loop = asyncio.get_running_loop()
+    task = asyncio.ensure_future(SimulatedRigServer(simulated, port).run())
+    for signum in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(signum, task.cancel)
+    with suppress(asyncio.CancelledError):
+        await task
