@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
-from hil.drives.meaning import SetpointKind
+from hil.drives.meaning import FrameMeaning, SetpointKind
 from hil.frames import Frame
 from hil.signals import Event, Sample
 
@@ -94,6 +94,10 @@ class DriveDriver(Protocol):
 
 class DriveBus(Protocol):
     """All drives of one family on one bus, in the order of the rig file's actuators."""
+
+    @property
+    def meaning(self) -> FrameMeaning:
+        """What the frames of these drivers ask, for the gate."""
 
     def __len__(self) -> int: ...
 

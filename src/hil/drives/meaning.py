@@ -66,13 +66,16 @@ class FrameMeaning(Protocol):
     @property
     def lengths(self) -> Mapping[int, int]:
         """The allow-list: identifier of every frame the master may send, and its data length, bytes."""
+        ...
 
     @property
     def writable(self) -> frozenset[int]:
         """Numbers of the parameters that the drives' profile lets the master write."""
+        ...
 
     def meaning(self, can_id: int, data: bytes) -> Meaning:
         """What a frame with an allowed identifier and length asks; Ask.UNKNOWN, never an error."""
+        ...
 
 
 _WITHOUT_FORCE: Final = frozenset(
@@ -91,13 +94,13 @@ class CanlustMeaning:
     they are UNKNOWN.
     """
 
-    def __init__(self, rig: RigFile, profile: LustProfile) -> None:
+    def __init__(self, rig: RigFile, profile: LustProfile, kind: SetpointKind) -> None:
         self._layout = profile.layout
         self._system = profile.system
         self._system_id = profile.ids.system
-        self._kind: SetpointKind = "position" if rig.control.mode == "drive" else "force"
+        self._kind = kind
         self._units = tuple(
-            1.0 / a.drive.counts_per_unit if self._kind == "position" else a.drive.force_per_count
+            1.0 / a.drive.counts_per_unit if kind == "position" else a.drive.force_per_count
             for a in rig.actuators
         )
         ids = [codec.frame_ids(profile.ids, rig.address(i)) for i in range(len(self._units))]

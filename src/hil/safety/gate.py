@@ -35,14 +35,13 @@ HARMLESS: Final = frozenset({Rule.READ_ONLY, Rule.DUPLICATE})
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether a frame may go out; where not, the rule it breaks and a sentence."""
+    """Whether a frame may go out: what it asks, or the rule it breaks and a sentence."""
 
     ok: bool
+    meaning: Meaning | None = None
+    """What a frame that may go out asks of whom: what is worth recording as sent."""
     rule: Rule | None = None
     text: str = ""
-
-
-_PASS: Final = Verdict(True)
 
 
 class Gate:
@@ -102,17 +101,17 @@ class Gate:
 
     def pass_frame(self, now_s: float, frame: Frame) -> Verdict:
         """Whether `frame` may leave at `now_s`. Who asks must send it at once, or not at all."""
-        broken = self._judge(now_s, frame)
-        if broken is None:
+        outcome = self._judge(now_s, frame)
+        if isinstance(outcome, Meaning):
             self.passed += 1
-            return _PASS
-        self.refused[broken.rule] += 1
-        text = f"{frame} refused ({broken.rule.value}): {broken.text}"
-        if broken.rule not in HARMLESS:
+            return Verdict(True, outcome)
+        self.refused[outcome.rule] += 1
+        text = f"{frame} refused ({outcome.rule.value}): {outcome.text}"
+        if outcome.rule not in HARMLESS:
             self._findings.append(Finding(Cause.GATE_REFUSED, text))
-        return Verdict(False, broken.rule, text)
+        return Verdict(False, None, outcome.rule, text)
 
-    def _judge(self, now_s: float, frame: Frame) -> Broken | None:
+    def _judge(self, now_s: float, frame: Frame) -> Meaning | Broken:
         if self.read_only:
             return Broken(Rule.READ_ONLY, "this daemon only listens")
         if frame.is_remote or frame.is_extended or frame.is_error:
@@ -126,15 +125,16 @@ class Gate:
         if meaning.ask is Ask.POWER_OFF and meaning.actuator is not None:
             self._is_off[meaning.actuator] = True
             self._tracks[meaning.actuator] = None
-            return None
+            return meaning
         if meaning.ask is Ask.SYSTEM_STOP:
             self._forget()
-            return None
+            return meaning
         broken = self._judge_rate(now_s, frame) or self._judge_ask(now_s, meaning)
-        if broken is None:
-            self._times[frame.can_id].append(now_s)
-            self._frames[frame.can_id] = frame.data
-        return broken
+        if broken is not None:
+            return broken
+        self._times[frame.can_id].append(now_s)
+        self._frames[frame.can_id] = frame.data
+        return meaning
 
     def _judge_rate(self, now_s: float, frame: Frame) -> Broken | None:
         times, cycle_s = self._times[frame.can_id], self.limits.cycle_s

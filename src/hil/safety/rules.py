@@ -77,10 +77,9 @@ class Broken(NamedTuple):
     text: str
 
 
-def gate_limits(rig: RigFile) -> GateLimits:
-    """The gate's limits from a rig file."""
+def gate_limits(rig: RigFile, kind: SetpointKind) -> GateLimits:
+    """The gate's limits from a rig file; `kind`: what its drives are sent."""
     safety = rig.safety
-    kind: SetpointKind = "position" if rig.control.mode == "drive" else "force"
     return GateLimits(
         drives=tuple(
             DriveLimits(

@@ -19,6 +19,7 @@ from hil.config import RigFile
 from hil.drives.driver import DrivePhase
 from hil.drives.lust_cdd3000.codec import encode_system
 from hil.drives.lust_cdd3000.driver import LustDriver
+from hil.drives.meaning import CanlustMeaning
 from hil.drives.profile import GROUP, LustProfile
 from hil.frames import Frame
 from hil.signals import Event, Sample
@@ -32,6 +33,7 @@ class LustBus:
     def __init__(self, rig: RigFile, profile: LustProfile) -> None:
         self._profile = profile
         self._drivers = tuple(LustDriver(rig, i, profile) for i in range(len(rig.actuators)))
+        self.meaning = CanlustMeaning(rig, profile, self._drivers[0].setpoint_kind)
         self._by_id: dict[int, list[LustDriver]] = {}
         for driver in self._drivers:
             for can_id in driver.ids():
