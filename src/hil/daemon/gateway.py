@@ -29,6 +29,7 @@ from hil.daemon.gateway_state import Decimator, drive_message, state_message, st
 from hil.daemon.ipc import Channel, Sources, split_cue
 from hil.daemon.metrics import Metrics, MetricsServer
 from hil.daemon.records import (
+    CueShapedRecord,
     DriveRecord,
     EventRecord,
     FrameRecord,
@@ -113,6 +114,7 @@ class Gateway:
             StateRecord: self._on_state,
             SampleRecord: self._on_sample,
             SetpointRecord: self._on_setpoint,
+            CueShapedRecord: lambda record: None,  # clients see its pose as the state's setpoint
             DriveRecord: self._on_drive,
             EventRecord: self._on_event,
             ReplyRecord: self._commands.resolve,
