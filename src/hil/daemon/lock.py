@@ -7,6 +7,7 @@ users, and it lives in the same network namespace as the CAN interface that it p
 from __future__ import annotations
 
 import errno
+import hashlib
 import socket
 import struct
 from pathlib import Path
@@ -62,7 +63,8 @@ class RigLock:
 
 
 def _take(what: str) -> socket.socket:
-    address = b"\0hil " + what.encode()[:90]
+    digest = hashlib.sha256(what.encode()).hexdigest()[:16]
+    address = b"\0hil " + what.encode()[:60] + b" " + digest.encode()  # 108 bytes are the most
     lock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
     try:
         lock.bind(address)
