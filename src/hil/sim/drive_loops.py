@@ -56,11 +56,9 @@ def set_mode(st, i, mode):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def deliver(header, st, i, value, kind, t):  # type: ignore[no-untyped-def]
-    """A setpoint (meant as the drive's mode says) or a change of mode reaches drive i at instant t."""
-    if kind == lay.EVENT_MODE:
-        set_mode(st, i, int(value))
-    elif st[lay.S_MODE, i] == lay.MODE_FORCE:
+def deliver(header, st, i, value, t):  # type: ignore[no-untyped-def]
+    """A setpoint, meant as the drive's mode says, reaches drive i at instant t; mode off ignores it."""
+    if st[lay.S_MODE, i] == lay.MODE_FORCE:
         st[lay.S_FORCE_SETPOINT, i] = value
         st[lay.S_BRAKE, i] = 0.0
     elif st[lay.S_MODE, i] == lay.MODE_POSITION:

@@ -80,10 +80,11 @@ JOINTS_AT = BUS_AT + 2
 
 # --- model ------------------------------------------------------------------------------------------
 H_KIND, H_N, H_DT, H_POSITION_TICKS, H_CYCLE, H_SETPOINT_DELAY, H_LINEAR, H_RETIMED = range(8)
-H_SUBSTEPS, H_GEOMETRY, H_IMU, H_STATIC_FF, H_IMU_DELAY = range(8, 13)
-HEADER = 13
+H_SUBSTEPS, H_GEOMETRY, H_IMU, H_STATIC_FF, H_IMU_DELAY, H_ANSWER_DELAY = range(8, 14)
+HEADER = 14
 """Header: kind, n, s per tick, ticks per position loop, s per cycle, s, flags, steps per tick, length of
-the geometry, whether there is an IMU, whether a static-force feed-forward acts, group delay left, s."""
+the geometry, whether there is an IMU, whether a static-force feed-forward acts, the group delay left in
+the IMU's answers s, delay of the drives' answers s."""
 
 (
     A_REFLECTED, A_VISCOUS, A_COULOMB_POS, A_COULOMB_NEG, A_VMAX, A_FMAX, A_LOWER, A_UPPER, A_HOME,
@@ -114,6 +115,5 @@ S_TAIL = 13
 """Twelve values of the IMU filter, then the tick."""
 
 MODE_OFF, MODE_POSITION, MODE_FORCE = 0, 1, 2
-EVENT_SETPOINT, EVENT_MODE = 0, 1
 
 assert (BIAS, SCALE, LATENCY, QUANTUM) == (0, 1, 2, 3)

@@ -41,11 +41,28 @@ def pack_model(rig: RigFile, substeps: int = 1) -> Array:
         float(kind_code(rig)), len(rig.actuators), bus.speed_loop, round(ticks), bus.cycle,
         bus.setpoint_delay, bus.interpolation == "linear", bus.retimed, substeps, len(geometry),
         rig.imu is not None, pd, rig.imu.delay if rig.imu else 0.0,
+        bus.answer_delay,
     ]  # fmt: skip
     return np.concatenate(
         [header, _pack_actuators(rig).ravel(), geometry, geometry, body, body, gravity, gravity,
          pack_legs(rig).ravel(), _pack_imu(rig)]
     ).astype(np.float64)  # fmt: skip
+
+
+def add_payload(model: Array, mass_kg: float, position_m: tuple[float, float, float]) -> None:
+    """Bolt a point mass to the platform of `model`, in place, at a position in the platform frame.
+
+    The drives' own static-force feed-forward does not learn of it.
+    """
+    body = split(model)[3]
+    m, cog = body[0], np.array(body[1:4])
+    place = np.array(position_m)
+    total = m + mass_kg
+    apart = place - cog
+    spread = m * mass_kg / total * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+    body[0] = total
+    body[1:4] = (m * cog + mass_kg * place) / total
+    body[4:10] += spread[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
 def actuator_rows(model: Array) -> Array:

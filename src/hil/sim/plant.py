@@ -60,7 +60,7 @@ class Plant:
         self._rows = self._state[: lay.S_ROWS * self.n].reshape(lay.S_ROWS, self.n)
         self._dt_s = rig.bus.speed_loop
         self._ring = np.zeros((MEMORY_TICKS, 4 * self.n + 6))
-        self._events = np.zeros((EVENTS, 4))
+        self._events = np.zeros((EVENTS, 3))
         self._waiting = 0
         self._delay_s = [0.0] * self.n
         self._sensors = np.zeros((4 * self.n + 6, 5))
@@ -95,7 +95,7 @@ class Plant:
         if to_s <= self.now_s:
             return
         self._waiting = advance(
-            self._model, self._state, self._events, self._waiting, self._ring, to_s
+            self._model, self._state, self._events, self._waiting, self._ring, float(to_s)
         )
         self.now_s = to_s
 
@@ -117,7 +117,7 @@ class Plant:
         self._sent += 1
         if is_lost(2 * self._seed, self._sent, self._lost_setpoints):
             return
-        self._events[self._waiting] = (at_s + self._delay_s[i], i, value, lay.EVENT_SETPOINT)
+        self._events[self._waiting] = (at_s + self._delay_s[i], i, value)
         self._waiting += 1
 
     def set_gains(self, i: int, **gains: float) -> None:
@@ -178,7 +178,7 @@ class Plant:
         return float(reading(value + noise, home, bias, scale, quantum))
 
     def imu_answer(self, at_s: float, noise: Array) -> Array:
-        """What the IMU answers for its sample at `at_s` <= now: `imu`, then noise (6,), then sensor effects."""
+        """What the IMU answers for its sample at `at_s` <= now: `imu`, noise (6,), sensor effects."""
         out = np.empty(6)
         for a in range(6):
             bias, scale, latency_s, quantum, _ = self._sensors[4 * self.n + a].tolist()
@@ -207,7 +207,7 @@ class Plant:
 
     def _look(self, column: int, at_s: float | None = None) -> float:
         at_s = self.now_s if at_s is None else at_s
-        return float(look_up(self._ring, int(self._tail[-1]), self._dt_s, at_s, column))
+        return float(look_up(self._ring, int(self._tail[-1]), self._dt_s, float(at_s), column))
 
 
 def nominal_positions(rig: RigFile, pose: tuple[float, ...]) -> Array:

@@ -197,7 +197,7 @@ def tick(model, act, geometry, geometry0, body, body0, gravity, gravity0, legs, 
 def advance(model, state, events, count, ring, to_s):  # type: ignore[no-untyped-def]
     """Run to the first tick at or after `to_s`; outputs of tick k go to ring[k % len(ring)].
 
-    `events` (N, 4): arrival s, actuator, value, kind, of which the first `count` wait; those that arrive
+    `events` (N, 3): arrival s, actuator, setpoint, of which the first `count` wait; those that arrive
     in time are delivered in their order. Returns how many still wait, moved to the front.
     """
     act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu = split(model)
@@ -218,11 +218,9 @@ def advance(model, state, events, count, ring, to_s):  # type: ignore[no-untyped
             kept = 0
             for e in range(count):
                 if events[e, 0] <= k * dt + EPSILON_S:
-                    deliver(
-                        model, st, int(events[e, 1]), events[e, 2], int(events[e, 3]), events[e, 0]
-                    )
+                    deliver(model, st, int(events[e, 1]), events[e, 2], events[e, 0])
                 else:
-                    for c in range(4):
+                    for c in range(3):
                         events[kept, c] = events[e, c]
                     kept += 1
             count = kept

@@ -1,0 +1,105 @@
+"""A whole record in one compiled call: setpoints in, the value of every signal at every instant asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hil.compiled import compiled
+from hil.sim import layout as lay
+from hil.sim.drive_loops import EPSILON_S, deliver
+from hil.sim.imu import filter_coefficients, group_delay_s
+from hil.sim.mechanics import WORK_MATRICES, WORK_ROWS
+from hil.sim.model import apply_parameters, split
+from hil.sim.run import put_outputs, rest, state_size, tick
+from hil.sim.sensors import is_lost, reading, sampled_at, sensor_constants
+
+IMPOSSIBLE_M = 1e-6
+"""A rest state with a larger position error than this is none: the replay answers NaN."""
+
+
+@compiled
+def replay(base, p, start, modes, q_guess, ev_first, ev_t, ev_value, s_first, s_t, s_signal, out):  # type: ignore[no-untyped-def]
+    """Run the record with parameters `p` on model `base`, from rest at actuator positions `start` (n,).
+
+    Events of actuator i are ev_*[ev_first[i] : ev_first[i + 1]]: send instants s (rising) and setpoints.
+    Samples of group g are [s_first[g] : s_first[g + 1]] of s_t (receive stamps s, rising) and `out`; its
+    signal is s_signal[g]: as in `sensors.sensor_constants`, then n for the true pose, stamped when it held.
+    """
+    n = int(base[lay.H_N])
+    model = np.empty_like(base)
+    apply_parameters(base, p, model)
+    state = np.empty(state_size(n))
+    if not rest(model, start, modes, q_guess, state) < IMPOSSIBLE_M:
+        out[:] = np.nan
+        return
+    act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu = split(model)
+    st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))
+    tail = state[lay.S_ROWS * n :]
+    groups = s_signal.shape[0]
+    sensor, column = np.empty((groups, 5)), np.empty(groups, np.int64)
+    home, delay, unit = np.zeros(groups), np.zeros(groups), np.ones(groups)
+    with_imu = False
+    for g in range(groups):
+        signal = s_signal[g]
+        quantity, i = signal // n, signal % n
+        if signal >= 4 * n + 6:
+            column[g] = 3 * n + signal - (4 * n + 6)
+            sensor[g] = (0.0, 1.0, 0.0, 0.0, 0.0)
+            continue
+        sensor_constants(p, n, signal, sensor[g])
+        if signal >= 4 * n:
+            with_imu = True
+            column[g] = signal
+            delay[g] = model[lay.H_IMU_DELAY] - group_delay_s(imu[12])
+            continue
+        delay[g] = model[lay.H_ANSWER_DELAY]
+        column[g] = signal if quantity < 3 else 2 * n + i
+        if quantity == 0:
+            home[g] = act[lay.A_HOME, i]
+        elif quantity == 3:
+            unit[g] = act[lay.A_FORCE_PER_A, i]
+    lost = p[n * lay.ACTUATOR_BLOCK + lay.BUS_AT]
+    w, mats = np.empty((WORK_ROWS, n)), np.empty((WORK_MATRICES, n, n))
+    force, small = np.empty((2, n)), np.empty(34)
+    dt = model[lay.H_DT]
+    if with_imu:
+        filter_coefficients(imu[12], dt / model[lay.H_SUBSTEPS], small[:4])
+    rows = np.empty((2, 4 * n + 6))
+    put_outputs(st, tail, rows[1])
+    rows[0] = rows[1]
+    ev, at = ev_first[:-1].copy(), s_first[:-1].copy()
+    due = np.empty(groups)
+    for g in range(groups):
+        due[g] = np.inf
+        if at[g] < s_first[g + 1]:
+            due[g] = sampled_at(s_t[at[g]] - delay[g], sensor[g, 2], sensor[g, 4], 0.0)
+    k = 0
+    while True:
+        earliest = np.inf
+        for g in range(groups):  # everything that lies between the last tick and this one
+            while due[g] <= k * dt:
+                x = min(max((due[g] - (k - 1) * dt) / dt, 0.0), 1.0)
+                c = column[g]
+                value = (rows[0, c] + (rows[1, c] - rows[0, c]) * x) / unit[g]
+                out[at[g]] = reading(value, home[g], sensor[g, 0], sensor[g, 1], sensor[g, 3])
+                at[g] += 1
+                due[g] = np.inf
+                if at[g] < s_first[g + 1]:
+                    due[g] = sampled_at(s_t[at[g]] - delay[g], sensor[g, 2], sensor[g, 4], 0.0)
+            earliest = min(earliest, due[g])
+        if earliest == np.inf:
+            return
+        for i in range(n):
+            wait = model[lay.H_SETPOINT_DELAY] + act[lay.A_DELAY, i]
+            while ev[i] < ev_first[i + 1] and ev_t[ev[i]] + wait <= k * dt + EPSILON_S:
+                e = ev[i]
+                if not is_lost(i, e - ev_first[i], lost):
+                    deliver(model, st, i, ev_value[e], ev_t[e] + wait)
+                ev[i] += 1
+        rows[0] = rows[1]
+        tick(
+            model, act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu, st, tail, w, mats,
+            force, small, with_imu,
+        )  # fmt: skip
+        k += 1
+        put_outputs(st, tail, rows[1])

@@ -1,0 +1,202 @@
+"""The twin: the model of a rig that replays what a rig was told and answers what it would have measured."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.config import RigFile
+from hil.errors import RunError
+from hil.sim import layout as lay
+from hil.sim.catalogue import IMU_CHANNELS, QUANTITIES
+from hil.sim.model import add_payload, pack_model
+from hil.sim.parameters import ParameterTable
+from hil.sim.replay import replay
+
+Array = NDArray[np.float64]
+Series = tuple[Array, Array]
+"""Instants (s, rising) and values of one signal."""
+MODES: Final = {"position": lay.MODE_POSITION, "force": lay.MODE_FORCE}
+
+
+@dataclass(frozen=True, slots=True)
+class Payload:
+    """A point mass that the operator bolted on: kg, and its place in the platform frame, m."""
+
+    mass: float
+    position: tuple[float, float, float]
+
+
+class Twin:
+    """Forward model of a rig file with its `effects`.
+
+    Signals: `<actuator>.position|velocity|force|current`, `imu.gyro_x` .. `imu.accel_z`, and the true
+    `pose.<coordinate>`, which no sensor effect touches.
+    """
+
+    def __init__(self, rig: RigFile, *, substeps: int = 1, payload: Payload | None = None) -> None:
+        self.rig = rig
+        self.table = ParameterTable(rig)
+        self.parameters = self.table.from_effects(rig.effects)
+        self.model = pack_model(rig, substeps)
+        if payload is not None:
+            add_payload(self.model, payload.mass, payload.position)
+        names = [f"{a}.{q}" for q in QUANTITIES for a in rig.actuator_names]
+        names += [f"imu.{c}" for c in IMU_CHANNELS] + [f"pose.{c}" for c in rig.coordinates]
+        self.signals: dict[str, int] = {name: k for k, name in enumerate(names)}
+
+    def record(
+        self,
+        setpoints: Mapping[str, Series],
+        samples: Mapping[str, Array],
+        *,
+        mode: Literal["position", "force"] = "position",
+        start: Sequence[float] | None = None,
+        guess: Sequence[float] | None = None,
+    ) -> Replay:
+        """A record to replay, packed once for many runs.
+
+        `setpoints`: by actuator, send instants and values (m, or N in mode "force"). `samples`: by signal,
+        the stamps at which its answers were received, s (for `pose.*` the instants themselves). `start`:
+        actuator positions at rest before the first setpoint; default: the first setpoints in mode
+        "position", home in mode "force". `guess`: a pose near the start, default neutral. RunError names
+        a signal whose stamps run back or that does not exist.
+        """
+        return Replay(self, setpoints, samples, mode, start, guess)
+
+    def replay(
+        self,
+        setpoints: Mapping[str, Series],
+        samples: Mapping[str, Array],
+        parameters: Array | None = None,
+        *,
+        mode: Literal["position", "force"] = "position",
+        start: Sequence[float] | None = None,
+    ) -> dict[str, Array]:
+        """The value of each signal at its stamps; arguments as `record`, `parameters` a table's vector."""
+        job = self.record(setpoints, samples, mode=mode, start=start)
+        return job.by_signal(job.run(parameters))
+
+
+class Replay:
+    """One record, packed: `run` answers all samples as one flat array (N,), signal after signal."""
+
+    def __init__(
+        self,
+        twin: Twin,
+        setpoints: Mapping[str, Series],
+        samples: Mapping[str, Array],
+        mode: Literal["position", "force"],
+        start: Sequence[float] | None,
+        guess: Sequence[float] | None,
+    ) -> None:
+        self.twin = twin
+        rig, n = twin.rig, len(twin.rig.actuators)
+        unknown = [a for a in setpoints if a not in rig.actuator_names]
+        unknown += [s for s in samples if s not in twin.signals]
+        if unknown:
+            raise RunError(f"{rig.name}: the twin has no signals {unknown}")
+        self.slices: dict[str, slice] = {}
+        if any(s.startswith("imu.") for s in samples) and rig.imu is None:
+            raise RunError(f"{rig.name}: IMU signals in the record, no imu in the rig file")
+        for i, a in enumerate(rig.actuators):
+            if f"{a.name}.current" in samples and a.force_per_ampere is None:
+                raise RunError(
+                    f"{rig.name}: {a.name}.current in the record; the rig file's actuators[{i}] needs "
+                    "torque_constant and transmission for it"
+                )
+        empty = (np.empty(0), np.empty(0))
+        events = [setpoints.get(a, empty) for a in rig.actuator_names]
+        for name, (t, value) in zip(rig.actuator_names, events, strict=True):
+            _check(f"{name}.setpoint", t, value)
+        for name, t in samples.items():
+            _check(name, t)
+        stamps = [np.asarray(t, dtype=float) for t in samples.values()]
+        first = [t[0] for t, _ in events if len(t)] + [t[0] for t in stamps if len(t)]
+        period = rig.bus.position_loop
+        # Whole loop periods keep the drives' ticks where they were in a simulated record.
+        self.origin_s = float(np.floor(min(first, default=0.0) / period) * period)
+        position = 0
+        for name, t in zip(samples, stamps, strict=True):
+            self.slices[name] = slice(position, position + len(t))
+            position += len(t)
+        self.size = position
+        if start is None:
+            start = [
+                float(value[0]) if len(value) and mode == "position" else a.home
+                for a, (_, value) in zip(rig.actuators, events, strict=True)
+            ]
+        self._arguments = (
+            np.array(start, dtype=float),
+            np.full(n, float(MODES[mode])),
+            np.zeros(n) if guess is None else np.array(guess, dtype=float),
+            np.cumsum([0] + [len(t) for t, _ in events]),
+            np.concatenate([np.asarray(t, dtype=float) for t, _ in events]) - self.origin_s,
+            np.concatenate([np.asarray(v, dtype=float) for _, v in events]),
+            np.cumsum([0] + [len(t) for t in stamps]),
+            np.concatenate([*stamps, np.empty(0)]) - self.origin_s,
+            np.array([twin.signals[name] for name in samples], dtype=np.int64),
+        )
+
+    def run(self, parameters: Array | None = None) -> Array:
+        """All samples (N,) with the parameter vector `parameters` (default: the rig file's); NaN where no
+        pose closes the mechanism."""
+        out = np.empty(self.size)
+        vector = self.twin.parameters if parameters is None else parameters
+        replay(self.twin.model, np.asarray(vector, dtype=float), *self._arguments, out)
+        return out
+
+    def run_many(self, parameters: Array, workers: int | None = None) -> Array:
+        """`run` for each row of `parameters` (B, P) → (B, N), on all cores: compiled code holds no lock."""
+        out = np.empty((len(parameters), self.size))
+        rows = np.ascontiguousarray(parameters, dtype=float)
+
+        def one(b: int) -> None:
+            replay(self.twin.model, rows[b], *self._arguments, out[b])
+
+        with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
+            list(pool.map(one, range(len(rows))))
+        return out
+
+    def by_signal(self, flat: Array) -> dict[str, Array]:
+        """The flat samples as one array a signal."""
+        return {name: flat[part] for name, part in self.slices.items()}
+
+    def sensitivities(self, names: Sequence[str], parameters: Array | None = None) -> Array:
+        """(N, len(names)): change of all samples per unit of each parameter's search coordinate.
+
+        Differences over the table's `search_step`, central, or to one side where a bound is in the way.
+        The search coordinate is the parameter itself, or 1 / stiffness for a stiffness (0 = rigid).
+        """
+        at = np.array(self.twin.parameters if parameters is None else parameters, dtype=float)
+        rows, spans = [], []
+        for name in names:
+            i = self.twin.table.index(name)
+            p = self.twin.table.entries[i]
+            z, bounds = p.to_search(at[i]), sorted((p.to_search(p.lower), p.to_search(p.upper)))
+            ends = [min(max(z + s * p.search_step, bounds[0]), bounds[1]) for s in (1.0, -1.0)]
+            spans.append(ends[0] - ends[1])
+            for end in ends:
+                row = at.copy()
+                row[i] = p.from_search(end) if p.search == "reciprocal" else end
+                rows.append(row)
+        values = self.run_many(np.array(rows).reshape(len(rows), len(at)))
+        slopes: Array = ((values[0::2] - values[1::2]) / np.array(spans)[:, None]).T
+        return slopes
+
+
+def _check(name: str, t: Array, value: Array | None = None) -> None:
+    t = np.asarray(t, dtype=float)
+    if t.ndim != 1 or not np.all(np.isfinite(t)):
+        raise RunError(f"{name}: stamps must be one row of finite numbers")
+    back = np.flatnonzero(np.diff(t) < 0.0)
+    if len(back):
+        raise RunError(f"{name}: time runs back after sample {back[0]} (t = {t[back[0]]:.6f} s)")
+    if value is not None and (np.shape(value) != t.shape or not np.all(np.isfinite(value))):
+        raise RunError(f"{name}: needs one finite value for each of its {len(t)} stamps")
