@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,7 +23,6 @@ def _descriptors() -> dict[str, str]:
 def _nothing_left_behind() -> Iterator[None]:
     before, threads = _descriptors(), set(threading.enumerate())
     yield
-    gc.collect()
     after = _descriptors()
     leaked = {fd: target for fd, target in after.items() if before.get(fd) != target}
     assert not leaked, f"descriptors left open: {leaked}"

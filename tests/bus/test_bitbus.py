@@ -150,13 +150,29 @@ def test_load_is_the_share_of_time_that_bits_were_sent() -> None:
     assert line.totals.busy_s / 1.0 == pytest.approx(0.27)
 
 
-def test_a_node_that_is_taken_away_takes_its_frames_with_it() -> None:
+def test_a_node_that_leaves_still_sends_its_queue_but_hears_nothing() -> None:
+    line = bus()
+    line.submit("master", frame(0x100), 0.0)
+    line.submit("leg1", frame(0x200), 0.0)
+    line.detach("master")
+    deliveries = line.advance(1.0)
+    assert heard(deliveries, "monitor") == [frame(0x100), frame(0x200)]
+    assert heard(deliveries, "master") == []
+    with pytest.raises(KeyError):
+        line.submit("master", frame(0x100), 1.0)
+
+
+def test_a_node_may_come_back_before_its_queue_is_sent() -> None:
     line = bus()
     line.submit("master", frame(0x100), 0.0)
     line.detach("master")
-    assert line.next_due_s == math.inf
-    with pytest.raises(BusError, match="leg1"):
-        line.attach("leg1")
+    line.attach("master")
+    with pytest.raises(BusError, match="master"):
+        line.attach("master")
+    line.submit("leg1", frame(0x200), 0.0)
+    deliveries = line.advance(1.0)
+    assert heard(deliveries, "monitor") == [frame(0x100), frame(0x200)]
+    assert heard(deliveries, "master") == [frame(0x200)]
 
 
 def test_what_is_dropped_takes_its_time_but_arrives_nowhere() -> None:

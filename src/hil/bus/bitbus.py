@@ -83,6 +83,7 @@ class BitBus:
         self.bitrate_bps = bitrate_bps
         self._queue_frames = queue_frames
         self._queues: dict[str, deque[_Pending]] = {}
+        self._leaving: set[str] = set()
         self._strikes = Strikes([f for f in faults if isinstance(f, FrameFault)], rng)
         self._offs = [f for f in faults if isinstance(f, NodeOff)]
         self._order = 0
@@ -96,14 +97,17 @@ class BitBus:
 
     def attach(self, node: str) -> None:
         """Add a node; BusError if there is one of that name."""
-        if node in self._queues:
+        if node in self._queues and node not in self._leaving:
             raise BusError(f"the bus already has a node {node!r}")
-        self._queues[node] = deque()
+        self._queues.setdefault(node, deque())
+        self._leaving.discard(node)
 
     def detach(self, node: str) -> None:
-        """Take a node away, with what it has not sent yet."""
-        self._queues.pop(node, None)
-        self._stale = True
+        """Let a node hear no more and go when its queue is sent, as a closed SocketCAN socket's is."""
+        if self._queues[node]:
+            self._leaving.add(node)
+        else:
+            del self._queues[node]
 
     def room(self, node: str) -> int:
         """Frames that `node` may submit before its queue is full."""
@@ -201,7 +205,9 @@ class BitBus:
         receivers = [
             name
             for name in self._queues
-            if name != sent.sender and not (self._offs and self.is_off(name, end_s))
+            if name != sent.sender
+            and name not in self._leaving
+            and not (self._offs and self.is_off(name, end_s))
         ]
         again = False
         if self._strikes.faults:
@@ -217,8 +223,14 @@ class BitBus:
             queue.popleft()
             if again:
                 queue.appendleft(replace(sent, t_s=end_s, repeated=True))
+            self._let_go(sent.sender)
         else:
             self._babble_on(sent, end_s)
+
+    def _let_go(self, node: str) -> None:
+        if node in self._leaving and not self._queues[node]:
+            self._leaving.remove(node)
+            del self._queues[node]
 
     def _deliver(self, delivery: Delivery, late_s: float, deliveries: list[Delivery]) -> None:
         if late_s > 0.0:
@@ -241,6 +253,7 @@ class BitBus:
             if error_class == ERR_BUS_OFF:
                 self._queues[node].clear()
                 self._stale = True
+                self._let_go(node)
             deliveries.append(Delivery(t_s, node, controller_error(error_class)))
 
 

@@ -7,13 +7,15 @@ reads records and sends them. The loop sees the same descriptor as on SocketCAN 
 from __future__ import annotations
 
 import contextlib
+import math
 import socket
 import threading
+import time
 from typing import Any, Final
 
 import can
 
-from hil.bus.socketport import SocketPort
+from hil.bus.socketport import SEND_BUFFER, SocketPort
 from hil.errors import BusError, ProtocolError
 from hil.frames import FRAME_BYTES, Frame, pack, unpack
 
@@ -32,10 +34,11 @@ class PythonCanPort(SocketPort):
         super().__init__(
             name, outer, read_only=read_only, remedy="check adapter and driver, then reopen"
         )
-        outer.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1)
+        outer.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         self._bus = bus
         self._cause: str | None = None
         self._closing = threading.Event()
+        self._until_s = math.inf
         self._threads = [threading.Thread(target=self._read, name=f"{name} reader", daemon=True)]
         if read_only:
             outer.shutdown(socket.SHUT_WR)
@@ -47,9 +50,10 @@ class PythonCanPort(SocketPort):
             thread.start()
 
     def close(self) -> None:
-        """Stop both threads, shut the interface down, give all descriptors back."""
+        """Send what waits if that takes no long, stop both threads, shut the interface down."""
         if self._closing.is_set():
             return
+        self._until_s = time.monotonic() + _SEND_S
         self._closing.set()
         self._give_up()
         for thread in self._threads:
@@ -74,7 +78,7 @@ class PythonCanPort(SocketPort):
 
     def _write(self) -> None:
         try:
-            while record := self._inner.recv(FRAME_BYTES):
+            while (record := self._inner.recv(FRAME_BYTES)) and time.monotonic() < self._until_s:
                 self._bus.send(_message(unpack(record)), timeout=_SEND_S)
         except (can.CanError, OSError) as error:
             self._cause = f"{type(error).__name__}: {error}"

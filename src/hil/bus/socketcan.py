@@ -55,7 +55,9 @@ def open_socketcan(
             packed = b"".join(_packed(name, item) for item in filters)
             sock.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, packed)
         try:
-            sock.bind(("" if read_only else interface,))
+            sock.bind((interface,))
+            if read_only:
+                sock.bind(("",))
         except OSError as error:
             raise BusError(f"{name}: cannot be opened: {error.strerror}") from error
         return SocketPort(

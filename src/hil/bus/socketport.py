@@ -15,6 +15,10 @@ from hil.frames import FRAME_BYTES, Frame, StampedFrame, pack, unpack
 _DRAIN_LIMIT: Final = 512
 """Records read in one call: a bus that floods must not keep the loop from its next cycle."""
 
+SEND_BUFFER: Final = 12_288
+"""SO_SNDBUF of ports on Unix sockets. The kernel doubles it and reckons 768 bytes a record, so
+about 32 frames fit: the burst of one cycle, but no queue in which commands grow old."""
+
 _FULL: Final = frozenset({errno.ENOBUFS, errno.EAGAIN})
 
 
@@ -65,6 +69,8 @@ class SocketPort:
                 record, ancillary, _, address = self._socket.recvmsg(FRAME_BYTES + 1, STAMP_ROOM)
             except BlockingIOError:
                 break
+            except ConnectionResetError:  # Unix sockets tell this before the last records
+                continue
             except OSError as cause:
                 self._defer(self._lost(cause.strerror or str(cause)), frames)
                 break

@@ -8,7 +8,7 @@ import socket
 from pathlib import Path
 from typing import Final
 
-from hil.bus.socketport import SocketPort
+from hil.bus.socketport import SEND_BUFFER, SocketPort
 from hil.errors import BusError
 
 NAME_PREFIX: Final = b"\0hil-hub/"
@@ -43,9 +43,7 @@ def open_hub(path: Path, *, node: str | None = None, read_only: bool = False) ->
     try:
         if node is not None:
             sock.bind(_address(url, node))
-        # The smallest buffer the kernel allows: frames shall wait in the hub's queue, where they
-        # contend for the bus, and a full queue shall be felt at once.
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         sock.settimeout(_CONNECT_S)
         sock.connect(str(path))
         if read_only:

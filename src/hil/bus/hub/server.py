@@ -61,6 +61,7 @@ class _Client:
     socket: socket.socket
     counters: ClientCounters
     waits_for_room: bool = False
+    listens_only: bool = False
 
 
 class Hub:
@@ -188,6 +189,8 @@ class Hub:
                 record, ancillary, _, _ = client.socket.recvmsg(FRAME_BYTES + 1, STAMP_ROOM)
             except BlockingIOError:
                 break
+            except ConnectionResetError:  # it closed with frames unread; what it sent still comes
+                continue
             except OSError:
                 self._disconnect(client)
                 break
@@ -218,6 +221,7 @@ class Hub:
         if any(event & select.POLLHUP for _, event in poll.poll(0)):
             self._disconnect(client)
         else:
+            client.listens_only = True
             self.running.remove_reader(client.socket)
 
     def _disconnect(self, client: _Client) -> None:
@@ -234,7 +238,8 @@ class Hub:
         except BlockingIOError:
             client.counters.lost += 1
         except OSError:
-            self._disconnect(client)
+            if client.listens_only:  # from the others comes an end of file, after their last frame
+                self._disconnect(client)
 
     def _expired(self) -> None:
         self._timer.expirations()
