@@ -26,7 +26,7 @@ def test_it_expires_once_at_its_instant() -> None:
         due_s = time.monotonic() + 0.03
         timer.arm_at(due_s)
         assert _wait(timer)
-        assert 0.0 <= time.monotonic() - due_s < 0.1
+        assert 0.0 <= time.monotonic() - due_s < 0.5
         assert timer.expirations() == 1
         assert not _wait(timer, 0.05)
 
