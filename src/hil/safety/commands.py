@@ -62,7 +62,7 @@ def blockers(
     anywhere: bool = False,
 ) -> list[str]:
     """Sentences that say what stands against arming; `anywhere`: off the parked pose too, to park."""
-    against: list[str] = []
+    against = ["this daemon only listens"] if settings.read_only else []
     if state.name is not StateName.PARKED:
         fault = f" ({state.fault.cause.value})" if state.fault else ""
         against.append(f"the rig is {state.name.value}{fault}, not parked")

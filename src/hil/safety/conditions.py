@@ -79,9 +79,11 @@ class StateSettings:
     """Parking from anywhere takes less."""
     refusal_grace_s: float
     """So long after a fault began, refused setpoints are still those of the motion before it."""
+    read_only: bool = False
+    """The gate lets nothing pass: arming is refused."""
 
 
-def state_settings(rig: RigFile) -> StateSettings:
+def state_settings(rig: RigFile, *, read_only: bool = False) -> StateSettings:
     """The state machine's settings from a rig file."""
     share, safety = rig.parking.speed_share, rig.safety
     across = (
@@ -96,6 +98,7 @@ def state_settings(rig: RigFile) -> StateSettings:
         stop_time_s=safety.stop_time,
         park_time_s=1.5 * max(across) + safety.stop_time,
         refusal_grace_s=safety.overrun_cycles * rig.bus.cycle,
+        read_only=read_only,
     )
 
 
