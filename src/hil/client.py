@@ -14,6 +14,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import re
 import time
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -21,8 +22,9 @@ from pathlib import Path
 from threading import Condition
 from types import TracebackType
 from typing import Any, Final, Generic, Self, TypeVar
+from weakref import ReferenceType
+from weakref import ref as ref_to
 
-import msgspec
 import zenoh
 
 from hil import messages
@@ -112,6 +114,28 @@ class Feed(Generic[T]):
         return item  # type: ignore[return-value]
 
 
+class _Feeds(Generic[T]):
+    """The feeds that somebody still holds; the list is replaced, never changed, so threads agree."""
+
+    def __init__(self) -> None:
+        self._refs: list[ReferenceType[Feed[T]]] = []
+
+    def new(self, what: str, timeout_s: float | None) -> Feed[T]:
+        feed: Feed[T] = Feed(what, timeout_s)
+        self._refs = [*(ref for ref in self._refs if ref() is not None), ref_to(feed)]
+        return feed
+
+    def put(self, item: T) -> None:
+        for ref in self._refs:
+            if (feed := ref()) is not None:
+                feed.put(item)
+
+    def close(self) -> None:
+        for ref in self._refs:
+            if (feed := ref()) is not None:
+                feed.close()
+
+
 class RigClient:
     """A connection to one rig. All methods may be called from any thread."""
 
@@ -122,13 +146,16 @@ class RigClient:
         *,
         name: str | None = None,
         config: str | Path | None = None,
+        timeout_s: float = 3.0,
     ) -> None:
         """`name` tells the rig who sends cues; `config` is a Zenoh JSON5 file, for TLS.
 
-        With `endpoint` None the endpoints of that file are used.
+        With `endpoint` None the endpoints of that file are used. `timeout_s` is for connecting.
+        ProtocolError if a name is none that fits into a key.
         """
-        self.rig = rig
-        self.name = name or f"client-{os.getpid()}"
+        self.rig = _word(rig)
+        self.name = _word(name or f"client-{os.getpid()}")
+        self._timeout_s = timeout_s
         self.coordinates: tuple[str, ...] = ()
         """Names of the pose's coordinates, as the rig told on connection."""
         self._endpoint = endpoint
@@ -138,14 +165,15 @@ class RigClient:
         self._held: list[Any] = []
         self._seq = 0
         self._state: StateMessage | None = None
-        self._states: list[Feed[StateMessage]] = []
-        self._events: list[Feed[EventMessage]] = []
+        self._states: _Feeds[StateMessage] = _Feeds()
+        self._events: _Feeds[EventMessage] = _Feeds()
 
     def open(self) -> Self:
         """Connect; RigNotReached if no daemon of this rig answers."""
         where = (self._endpoint,) if self._endpoint else ()
         try:
-            self._session = zenoh.open(zenoh_config("client", (), where, self._config))
+            config = zenoh_config("client", (), where, self._config, self._timeout_s)
+            self._session = zenoh.open(config)
         except zenoh.ZError as error:
             raise RigNotReached(
                 f"{self.rig}: no daemon at {self._endpoint or self._config}; is `hil run` up? "
@@ -175,7 +203,7 @@ class RigClient:
         )
 
     def _ask_coordinates(self) -> tuple[str, ...]:
-        for reply in self._session.get(self._key("schema/cue"), timeout=3.0):
+        for reply in self._session.get(self._key("schema/cue"), timeout=self._timeout_s):
             if reply.ok is not None:
                 schema = json.loads(reply.ok.payload.to_bytes())
                 pose = schema["properties"]["poses"]["items"]["properties"]
@@ -184,9 +212,8 @@ class RigClient:
 
     def close(self) -> None:
         """Disconnect; the rig parks once the cue is stale."""
-        feeds: list[Feed[Any]] = [*self._states, *self._events]
-        for feed in feeds:
-            feed.close()
+        self._states.close()
+        self._events.close()
         if self._session is not None:
             self._session.close()
         self._session = self._cue = None
@@ -230,25 +257,22 @@ class RigClient:
 
     def states(self, timeout_s: float | None = 2.0) -> Feed[StateMessage]:
         """Each state from now on; RigNotReached if none comes for `timeout_s`."""
-        feed: Feed[StateMessage] = Feed(f"states of {self.rig}", timeout_s)
-        self._states.append(feed)
-        return feed
+        return self._states.new(f"states of {self.rig}", timeout_s)
 
     def events(self, timeout_s: float | None = None) -> Feed[EventMessage]:
         """Each event from now on; waits for as long as it takes unless told otherwise."""
-        feed: Feed[EventMessage] = Feed(f"events of {self.rig}", timeout_s)
-        self._events.append(feed)
-        return feed
+        return self._events.new(f"events of {self.rig}", timeout_s)
 
     def command(self, name: str, **arguments: float | str | bool) -> CommandReply:
         """Give a command (`arm`, `disarm`, `park` ...) and wait for its answer.
 
-        A rig that refuses answers with `ok` false and says why; RigNotReached if nobody answers.
+        A rig that refuses answers with `ok` false and says why; RigNotReached if nobody answers,
+        ProtocolError if `name` cannot be a command's.
         """
         if self._session is None:
             raise RigNotReached(f"{self.rig}: the client is not connected")
         replies = self._session.get(
-            self._key(f"command/{name}"),
+            self._key(f"command/{_word(name)}"),
             payload=messages.encode(CommandRequest(self.name, arguments)),
             encoding=zenoh.Encoding.APPLICATION_JSON,
             timeout=COMMAND_TIMEOUT_S,
@@ -271,16 +295,13 @@ class RigClient:
         return f"hil/{self.rig}/{tail}"
 
     def _on_state(self, sample: zenoh.Sample) -> None:
-        with suppress(msgspec.DecodeError, ProtocolError):
+        with suppress(ProtocolError):
             self._state = messages.decode(sample.payload.to_bytes(), StateMessage)
-            for feed in self._states:
-                feed.put(self._state)
+            self._states.put(self._state)
 
     def _on_event(self, sample: zenoh.Sample) -> None:
-        with suppress(msgspec.DecodeError, ProtocolError):
-            event = messages.decode(sample.payload.to_bytes(), EventMessage)
-            for feed in self._events:
-                feed.put(event)
+        with suppress(ProtocolError):
+            self._events.put(messages.decode(sample.payload.to_bytes(), EventMessage))
 
     def __enter__(self) -> Self:
         return self.open()
@@ -303,3 +324,10 @@ class RigClient:
         tb: TracebackType | None,
     ) -> None:
         await asyncio.to_thread(self.close)
+
+
+def _word(name: str) -> str:
+    """`name`, if it can be one part of a key; else ProtocolError."""
+    if re.fullmatch(r"[A-Za-z0-9_.-]+", name) is None:
+        raise ProtocolError(f"{name!r} is no name: letters, digits, dots, dashes and underscores")
+    return name

@@ -102,11 +102,13 @@ def test_a_bad_cue_is_refused_told_and_does_not_disturb_the_next(running, client
 def test_a_client_that_keeps_sending_rubbish_is_told_of_once_a_second(running, client):
     events = client.subscribe("event")
     time.sleep(0.02)
+    start_s = time.monotonic()
     for _ in range(150):
         client.put("cue", b"rubbish")
     client.cue(seq=5)
     until(running.control.cues)
-    assert names(events).count("cue_refused") == 1
+    until(lambda: "cue_refused" in names(events))
+    assert names(events).count("cue_refused") <= 1 + time.monotonic() - start_s
 
 
 def test_a_flood_of_cues_is_bounded_before_it_reaches_control(running, client):

@@ -69,7 +69,6 @@ def test_a_subscriber_that_hangs_never_holds_up_a_publication(tmp_path):
             session.close()
 
     slowest_s, took_s = asyncio.run(publish())
-    print(slowest_s, took_s)
     assert slowest_s < 0.1
     assert took_s < 2.0
 
