@@ -76,6 +76,7 @@ class SimulatedCdd3000:
         }
         self._now_s = plant.now_s
         self._silent = False
+        self._boots_until_s = -math.inf
         self._addressed = False
         self._log_on_s = self._now_s
         self._control = Control()
@@ -92,7 +93,13 @@ class SimulatedCdd3000:
 
     def on_frame(self, now_s: float, frame: Frame) -> Timed:
         """A frame reaches the drive at `now_s`; frames to others and garbage do nothing."""
-        if self._silent or frame.is_remote or frame.is_extended or frame.is_error:
+        if (
+            self._silent
+            or now_s < self._boots_until_s
+            or frame.is_remote
+            or frame.is_extended
+            or frame.is_error
+        ):
             return []
         self._now_s = now_s
         try:
@@ -336,4 +343,4 @@ class SimulatedCdd3000:
         self.referenced = self._profile.homing == "absolute"
         self._control = Control()
         self._repeats = 0
-        self._log_on_s = now_s + BOOT_S
+        self._log_on_s = self._boots_until_s = now_s + BOOT_S

@@ -6,7 +6,9 @@ nothing is said on the bus. Drives are spoken to only after a time of listening 
 logged on twice, so a wrong stride never reaches the wrong drive.
 
 System Start goes out once all drives are configured, and again only when a drive has restarted and none is
-enabled: from then on control words act, and every drive's watchdog runs. System Stop goes out once for a
+enabled: from then on control words act, and every drive's watchdog runs. A drive that came up with a fault
+needs it earlier, because before it the drive stores the reset and does not do it: then it goes out once every
+drive has been told to be off. System Stop goes out once for a
 drive that does not log on, while none is enabled: drives that ran before (under a daemon that died) log on
 anew at System Stop, where their firmware does as the manual says (user manual CM-CAN1, 5-2).
 """
@@ -79,10 +81,9 @@ class LustBus:
             if driver.phase is not DrivePhase.ABSENT:
                 self._stop_sent.discard(driver.name)
         if all(d.phase in _CONFIGURED for d in drivers) and not all(d.started for d in drivers):
-            for driver in drivers:
-                driver.system_started()
-            self._say(now_s, "system_start", "all drives are configured: System Start is sent")
-            return [encode_system(self._profile.ids, self._profile.system.start)]
+            return self._start(now_s, "all drives are configured")
+        if all(d.told for d in drivers) and any(d.needs_start for d in drivers):
+            return self._start(now_s, "a drive is to be reset, and all are told to be off")
         listen_s = self._profile.timing.listen
         late = [d for d in drivers if d.absent_for(now_s) > listen_s]
         if not late or all(d.name in self._stop_sent for d in late):
@@ -104,6 +105,12 @@ class LustBus:
         for driver in self._drivers:
             events.extend(driver.take_events())
         return events
+
+    def _start(self, now_s: float, why: str) -> list[Frame]:
+        for driver in self._drivers:
+            driver.system_started()
+        self._say(now_s, "system_start", f"{why}: System Start is sent")
+        return [encode_system(self._profile.ids, self._profile.system.start)]
 
     def _on_stranger(self, now_s: float, can_id: int) -> None:
         offset = can_id - self._profile.ids.log_on

@@ -59,11 +59,14 @@ class LustDriver:
         self.name = actuator.name
         self.setpoint_kind = kind_of(rig)
         self.frames = frame_ids(profile.ids, address)
+        self.told = False
+        """A control frame has been sent since the drive last logged on."""
         self._profile = profile
         self._scales = Scales(actuator.drive, profile)
         self._answer_delay_s = rig.bus.answer_delay
         position = Request(self._scales.parameters["position"].number, Mode.READ)
-        self._ask_position = _Question(position, "position")
+        in_pattern = "position" in rig.bus.pattern
+        self._ask_position = None if in_pattern else _Question(position, "position")
         self._scheduler = SlotScheduler(
             tuple(
                 _Question(Request(self._scales.parameters[q].number, Mode.READ), q)
@@ -107,6 +110,11 @@ class LustDriver:
     def started(self) -> bool:
         """System Start has been sent since the drive last logged on."""
         return self._machine.started
+
+    @property
+    def needs_start(self) -> bool:
+        """Its reset waits for System Start: before that the drive stores control words and obeys none."""
+        return self._machine.resetting and not self._machine.started
 
     @property
     def status(self) -> DriveStatus:
@@ -173,11 +181,13 @@ class LustDriver:
         """An error frame is an error whatever its length: of all frames this one is never ignored."""
         self._machine.heard_s = now_s
         report = decode_error(self._profile.error_frame, data)
-        what = "an error without a number"
+        name, what = "drive_error", "an error without a number"
         if report.code is not None:
             what = self._profile.error_text(report.code)
+            if report.code == self._profile.code_of("course_limitation"):
+                name = "course_limitation"
         where = f" at location {report.location}" if report.location else ""
-        self._machine.fault(now_s, "drive_error", f"reports {what}{where}")
+        self._machine.fault(now_s, name, f"reports {what}{where}")
 
     def _on_log_on(self, now_s: float) -> None:
         if self.phase is DrivePhase.ABSENT and not self._listened(now_s):
@@ -187,6 +197,7 @@ class LustDriver:
 
     def _take_log_on(self, now_s: float) -> None:
         if self._machine.log_on(now_s):
+            self.told = False
             self._scheduler.reset()
             self._position = None
 
@@ -251,6 +262,7 @@ class LustDriver:
         control = encode_control(
             self.frames.control, self._profile.layout, self._control(command, setpoint)
         )
+        self.told = True
         question = self._scheduler.ask(now_s, self._first_question())
         if question is None:
             return [control]
@@ -279,7 +291,7 @@ class LustDriver:
         return self._position
 
     def _first_question(self) -> _Question | None:
-        """What goes before the pattern: configuration, then a position where the pattern has none."""
+        """What goes before the pattern: configuration, then one position where the pattern has none."""
         request = self._configuration.request() if self.phase is DrivePhase.LOGGED_ON else None
         if request is not None:
             return _Question(request)
@@ -309,6 +321,7 @@ class LustDriver:
 
     def _wait_for_log_on(self, now_s: float) -> None:
         self._scheduler.reset()
+        self.told = False
         self._first_slot_s = now_s
         self._logged_on = False
         self._position = None

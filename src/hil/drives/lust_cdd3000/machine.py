@@ -80,6 +80,8 @@ class PhaseMachine:
         self.started = False
         if self.phase in _MAY_ENABLE:
             self.fault(now_s, "drive_rebooted", "logged on while running: it has restarted")
+        elif self.phase is DrivePhase.FAULT and self._spoken_to:
+            self.fault(now_s, "drive_rebooted", "has restarted since")
         elif self.phase is not DrivePhase.FAULT:
             period_s = self._profile.timing.log_on_period
             again = self._spoken_to and now_s - self._since_s > period_s
@@ -176,6 +178,11 @@ class PhaseMachine:
                 self._enter(now_s, DrivePhase.CONFIGURED)
         elif not makes_force:
             self._enter(now_s, DrivePhase.READY)
+
+    @property
+    def resetting(self) -> bool:
+        """A fault is being reset."""
+        return self._resetting is not None
 
     @property
     def referenced(self) -> bool:
