@@ -139,6 +139,15 @@ def test_the_same_client_works_in_asyncio(running):
     assert len(until(lambda: len(cues := running.control.cues()) == 2 and cues)) == 2
 
 
+def test_what_waits_in_a_feed_can_be_taken_without_waiting():
+    feed: Feed[int] = Feed("numbers", None)
+    assert feed.waiting() == []
+    feed.put(1)
+    feed.put(2)
+    assert feed.waiting() == [1, 2]
+    assert feed.waiting() == []
+
+
 def test_a_feed_that_nobody_reads_keeps_the_newest_thousand():
     feed: Feed[int] = Feed("numbers", 0.01)
     for k in range(1500):

@@ -1,13 +1,4 @@
-"""A client of a running rig in a few lines, over Zenoh: cues out, states and events in, commands.
-
-    with RigClient("motorcycle") as rig:
-        rig.command("arm")
-        for state in rig.states():
-            rig.cue(roll=0.05 * math.sin(state.t))
-
-The same over `async with` and `async for`. What goes over the wire is described in docs/zenoh.md;
-any Zenoh client in any language can do the same.
-"""
+"""A connection to one rig: cues out, states and events in, commands with answers."""
 
 from __future__ import annotations
 
@@ -16,124 +7,23 @@ import json
 import os
 import re
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from threading import Condition
 from types import TracebackType
-from typing import Any, Final, Generic, Self, TypeVar
-from weakref import ReferenceType
-from weakref import ref as ref_to
+from typing import Any, Final, Self
 
 import zenoh
 
 from hil import messages
+from hil.client.feed import Feed, Feeds
+from hil.client.session import zenoh_config
 from hil.errors import ProtocolError, RigNotReached
 from hil.messages import CommandReply, CommandRequest, CueMessage, EventMessage, StateMessage
 
 ENDPOINT: Final = "tcp/127.0.0.1:7447"
 COMMAND_TIMEOUT_S: Final = 8.0
 """Longer than the daemon itself waits for an answer, so that its own sentence arrives."""
-
-T = TypeVar("T")
-
-
-def zenoh_config(
-    mode: str,
-    listen: Sequence[str] = (),
-    connect: Sequence[str] = (),
-    file: str | Path | None = None,
-    connect_timeout_s: float = 3.0,
-) -> zenoh.Config:
-    """A Zenoh configuration that scouts nobody: only the endpoints named are opened or called.
-
-    `file` is a Zenoh JSON5 file to start from (TLS, access control). Endpoints in it stand where
-    none are given here. ZError if the file cannot be read.
-    """
-    config = zenoh.Config() if file is None else zenoh.Config.from_file(Path(file))
-    settings: dict[str, Any] = {
-        "mode": mode,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "connect/timeout_ms": round(1000 * connect_timeout_s),
-    }
-    if listen or file is None:
-        settings["listen/endpoints"] = list(listen)
-    if connect:
-        settings["connect/endpoints"] = list(connect)
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
-
-
-class Feed(Generic[T]):
-    """Messages as they come, for `for` and `async for`; what nobody fetches in time is lost.
-
-    Ends when the client closes; RigNotReached when nothing came for `timeout_s`.
-    """
-
-    def __init__(self, what: str, timeout_s: float | None) -> None:
-        self._what = what
-        self._timeout_s = timeout_s
-        self._items: list[T] = []
-        self._more = Condition()
-        self._is_closed = False
-
-    def put(self, item: T) -> None:
-        """Add a message; of more than a thousand that wait, the oldest goes."""
-        with self._more:
-            self._items.append(item)
-            del self._items[:-1000]
-            self._more.notify_all()
-
-    def close(self) -> None:
-        """End every iteration."""
-        with self._more:
-            self._is_closed = True
-            self._more.notify_all()
-
-    def __iter__(self) -> Iterator[T]:
-        return self
-
-    def __next__(self) -> T:
-        with self._more:
-            if not self._more.wait_for(lambda: self._items or self._is_closed, self._timeout_s):
-                raise RigNotReached(f"{self._what}: nothing came for {self._timeout_s} s")
-            if not self._items:
-                raise StopIteration
-            return self._items.pop(0)
-
-    def __aiter__(self) -> AsyncIterator[T]:
-        return self
-
-    async def __anext__(self) -> T:
-        end = object()
-        item = await asyncio.to_thread(next, self, end)
-        if item is end:
-            raise StopAsyncIteration
-        return item  # type: ignore[return-value]
-
-
-class _Feeds(Generic[T]):
-    """The feeds that somebody still holds; the list is replaced, never changed, so threads agree."""
-
-    def __init__(self) -> None:
-        self._refs: list[ReferenceType[Feed[T]]] = []
-
-    def new(self, what: str, timeout_s: float | None) -> Feed[T]:
-        feed: Feed[T] = Feed(what, timeout_s)
-        self._refs = [*(ref for ref in self._refs if ref() is not None), ref_to(feed)]
-        return feed
-
-    def put(self, item: T) -> None:
-        for ref in self._refs:
-            if (feed := ref()) is not None:
-                feed.put(item)
-
-    def close(self) -> None:
-        for ref in self._refs:
-            if (feed := ref()) is not None:
-                feed.close()
 
 
 class RigClient:
@@ -165,8 +55,8 @@ class RigClient:
         self._held: list[Any] = []
         self._seq = 0
         self._state: StateMessage | None = None
-        self._states: _Feeds[StateMessage] = _Feeds()
-        self._events: _Feeds[EventMessage] = _Feeds()
+        self._states: Feeds[StateMessage] = Feeds()
+        self._events: Feeds[EventMessage] = Feeds()
 
     def open(self) -> Self:
         """Connect; RigNotReached if no daemon of this rig answers."""
