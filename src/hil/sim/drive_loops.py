@@ -3,8 +3,8 @@
 Drive model of the project's rigs [M: CDD3000 class drive]: setpoints arrive each bus cycle T_c; the drive
 runs in a straight line to a new one over one T_c (`linear`), from the first position-loop tick after its
 arrival, or jumps (`hold`). `retimed`: setpoints wait in a queue and the drive takes one each T_c of its
-own clock, which starts one cycle after the first arrival, so send jitter does not show; an empty queue
-skips a cycle, which fills it again. Law "pd": F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static
+own clock, which starts one cycle after the first arrival, so send jitter below half a cycle does not show;
+where the next one has waited less (one before it was lost) the drive pauses a cycle. Law "pd": F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static
 ("Towards Simulating a Mid-size Stewart Platform on a Large Hexapod Simulator", eqs (7)-(8), with damping
 on the speed error [R]).
 
@@ -71,11 +71,18 @@ def deliver(header, st, i, value, t):  # type: ignore[no-untyped-def]
             st[lay.S_IDLE, i] = 0.0
         n = int(st[lay.S_FIFO_N, i])
         if n == QUEUE:  # too full: the oldest goes
-            for k in range(QUEUE - 1):
-                st[lay.S_FIFO + k, i] = st[lay.S_FIFO + k + 1, i]
+            _drop_oldest(st, i, n)
             n -= 1
         st[lay.S_FIFO + n, i] = value
+        st[lay.S_FIFO_T + n, i] = t
         st[lay.S_FIFO_N, i] = n + 1
+
+
+@compiled
+def _drop_oldest(st, i, n):  # type: ignore[no-untyped-def]
+    for k in range(n - 1):
+        st[lay.S_FIFO + k, i] = st[lay.S_FIFO + k + 1, i]
+        st[lay.S_FIFO_T + k, i] = st[lay.S_FIFO_T + k + 1, i]
 
 
 @compiled
@@ -106,10 +113,8 @@ def _start_segment(header, st, i, target, t):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _take_setpoint(header, st, i, t):  # type: ignore[no-untyped-def]
-    if st[lay.S_HAS_PENDING, i] != 0.0:
-        st[lay.S_HAS_PENDING, i] = 0.0
-        _start_segment(header, st, i, st[lay.S_PENDING, i], t)
+def _play(header, st, i, t):  # type: ignore[no-untyped-def]
+    """A drive with its own clock takes the next setpoint from its queue when that clock says so."""
     if (
         header[lay.H_RETIMED] == 0.0
         or st[lay.S_IDLE, i] != 0.0
@@ -117,13 +122,12 @@ def _take_setpoint(header, st, i, t):  # type: ignore[no-untyped-def]
     ):
         return
     n = int(st[lay.S_FIFO_N, i])
-    if n > 0:
+    if n > 0 and st[lay.S_FIFO_T, i] <= st[lay.S_PLAY, i] - 0.5 * header[lay.H_CYCLE]:
         target = st[lay.S_FIFO, i]
-        for k in range(n - 1):
-            st[lay.S_FIFO + k, i] = st[lay.S_FIFO + k + 1, i]
+        _drop_oldest(st, i, n)
         st[lay.S_FIFO_N, i] = n - 1
         _start_segment(header, st, i, target, st[lay.S_PLAY, i])
-    elif st[lay.S_PLAY, i] > st[lay.S_T1, i] + 2.0 * header[lay.H_CYCLE]:
+    elif n == 0 and st[lay.S_PLAY, i] > st[lay.S_T1, i] + 2.0 * header[lay.H_CYCLE]:
         st[lay.S_IDLE, i] = 1.0
     st[lay.S_PLAY, i] += header[lay.H_CYCLE]
 
@@ -134,7 +138,10 @@ def position_loops(header, act, st, t):  # type: ignore[no-untyped-def]
     for i in range(st.shape[1]):
         if st[lay.S_MODE, i] != lay.MODE_POSITION:
             continue
-        _take_setpoint(header, st, i, t)
+        if st[lay.S_HAS_PENDING, i] != 0.0:
+            st[lay.S_HAS_PENDING, i] = 0.0
+            _start_segment(header, st, i, st[lay.S_PENDING, i], t)
+        _play(header, st, i, t)
         x_ref, speed = reference(st, i, t)
         cycle_ends = st[lay.S_T0, i] + header[lay.H_CYCLE] - EPSILON_S
         acceleration = st[lay.S_AREF, i] if t < cycle_ends else 0.0
@@ -158,6 +165,7 @@ def speed_loops(header, act, st, t):  # type: ignore[no-untyped-def]
         elif st[lay.S_MODE, i] == lay.MODE_FORCE:
             st[lay.S_FREF, i] = min(max(st[lay.S_FORCE_SETPOINT, i], -limit), limit)
         elif act[lay.A_PD, i] != 0.0:
+            _play(header, st, i, t)
             x_ref, speed = reference(st, i, t)
             force = act[lay.A_KP, i] * (x_ref - st[lay.S_XD, i])
             force += act[lay.A_KV, i] * (act[lay.A_KFV, i] * speed - st[lay.S_VD, i])

@@ -104,9 +104,9 @@ BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
     S_Q, S_QD, S_QDD, S_VM, S_RATE, S_RHO, S_WINDUP, S_CONTACT, S_HYST, S_SLIP, S_FRICTION, S_LOAD,
     S_CURRENT, S_FREF, S_INTEGRAL, S_VREF, S_FF, S_X0, S_X1, S_T0, S_T1, S_SLOPE, S_AREF,
     S_MODE, S_BRAKE, S_FORCE_SETPOINT, S_PENDING, S_HAS_PENDING, S_FIFO, S_FIFO_1, S_FIFO_2, S_FIFO_3,
-    S_FIFO_N, S_PLAY, S_IDLE, S_STATIC, S_XD, S_VD,
-) = range(38)  # fmt: skip
-S_ROWS = 38
+    S_FIFO_T, S_FIFO_T1, S_FIFO_T2, S_FIFO_T3, S_FIFO_N, S_PLAY, S_IDLE, S_STATIC, S_XD, S_VD,
+) = range(42)  # fmt: skip
+S_ROWS = 42
 """Rows of the state: pose, its rates; motor velocity, actuator rate and position; wind-up of motor against
 load, contact, hysteresis, slip direction, friction force, transmitted force; current's force, force
 reference, integrator, speed reference, pre-control; segment of the setpoint; mode, brake; setpoints that

@@ -193,11 +193,15 @@ def _solve(st, w, mats, h):  # type: ignore[no-untyped-def]
         W[i, i] += h * w[W_DINV, i]
     solve_stick_slip(W, w[W_V], w[W_LO], w[W_HI], slip, phi, K, w[W_Y])
     _velocities(st, w, M, J, S, h)
+    held = True
     for i in range(n):
         if slip[i] == 0.0:  # exactly, not to rounding
             w[W_V, i] = 0.0
             if st[lay.S_CONTACT, i] == RIGID:
                 w[W_R, i] = 0.0
+        held = held and slip[i] == 0.0 and st[lay.S_CONTACT, i] == RIGID
+    if held:
+        w[W_QD, :] = 0.0
 
 
 @compiled

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.errors import ConfigError, KinematicsError
-from hil.rigs.kernel import terms
-from hil.rigs.pack import kind_code, pack_body, pack_geometry, pack_gravity, pack_legs
+from hil.rigs import build_rig
 from hil.signals import Quantity
 from hil.sim import layout as lay
 from hil.sim.catalogue import QUANTITIES
@@ -53,6 +52,7 @@ class Plant:
         self.table = ParameterTable(rig)
         self.parameters = self.table.from_effects(rig.effects)
         self.n = len(rig.actuators)
+        self._manipulator = build_rig(rig)
         self._base = pack_model(rig, substeps)
         self._model = np.empty_like(self._base)
         self._state = np.zeros(state_size(self.n))
@@ -78,7 +78,7 @@ class Plant:
         KinematicsError where the rig with its effects cannot stand there.
         """
         pose = self.rig.parked_pose if pose is None else pose
-        target = nominal_positions(self.rig, pose)
+        target = self._manipulator.inverse(pose)
         modes = np.full(self.n, float(MODES[mode]))
         error = rest(self._model, target, modes, np.array(pose, dtype=float), self._state)
         if not error < 1e-6:
@@ -208,13 +208,3 @@ class Plant:
     def _look(self, column: int, at_s: float | None = None) -> float:
         at_s = self.now_s if at_s is None else at_s
         return float(look_up(self._ring, int(self._tail[-1]), self._dt_s, float(at_s), column))
-
-
-def nominal_positions(rig: RigFile, pose: tuple[float, ...]) -> Array:
-    """Actuator positions (n,) of `pose` by the rig file's geometry, m or rad."""
-    n = len(rig.actuators)
-    rho, M, J = np.empty(n), np.empty((n, n)), np.empty((n, n))
-    q = np.array(pose, dtype=float)
-    arrays = (pack_geometry(rig), pack_body(rig), pack_legs(rig), pack_gravity(rig))
-    terms(kind_code(rig), *arrays, q, np.zeros(n), M, np.empty(n), rho, J, np.empty(n))
-    return rho
