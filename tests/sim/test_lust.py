@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hil.drives.driver import DrivePhase, PowerGoal
 from hil.drives.lust_cdd3000.codec import (
@@ -20,7 +22,8 @@ from hil.drives.lust_cdd3000.codec import (
 )
 from hil.drives.power import PowerCommand, PowerState
 from hil.frames import Frame
-from hil.sim.lust import BOOT_S, FRAME_BITS, SimulatedCdd3000
+from hil.sim.lust import BOOT_S, SimulatedCdd3000
+from hil.sim.lust_senses import FRAME_BITS
 from hil.sim.plant import Plant
 from tests.drives.exchange import Exchange, profile_of, rig_of
 
@@ -354,3 +357,23 @@ def test_three_drives_move_a_motorcycle() -> None:
             if s.source == rig.actuators[i].name and s.quantity == "position"
         )
         assert last == pytest.approx(homes[i] + 0.04, abs=5e-4)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.builds(
+            Frame,
+            st.sampled_from([0x0DD, 0x296, 0x297, 0x44E, 0x608]),
+            st.binary(max_size=8),
+            st.booleans(),
+        ),
+        max_size=40,
+    )
+)
+def test_no_frame_ever_breaks_it(frames: list[Frame]) -> None:
+    d = Desk()
+    for frame in frames:
+        d.say(frame)
+        d.wait(0.005)
+    assert all(len(f.data) in (0, 8) for _, f in d.heard)

@@ -34,14 +34,12 @@ from hil.drives.power import FAULTED, PowerCommand, PowerState, respond
 from hil.drives.profile import LustProfile
 from hil.errors import ProtocolError
 from hil.frames import Frame
-from hil.signals import Quantity
 from hil.sim.lust_parameters import ParameterServer
+from hil.sim.lust_senses import Senses
 from hil.sim.plant import Plant
 
 Timed = list[tuple[float, Frame]]
 
-FRAME_BITS: Final = 125
-"""Length of a frame of eight bytes with the mean number of stuff bits: 111 + about 14 [M]."""
 COURSE_SLACK_M: Final = 1e-3
 """A drive reset beyond the end of its stroke may move so much further out before it stops again [M]."""
 BOOT_S: Final = 0.5
@@ -62,18 +60,10 @@ class SimulatedCdd3000:
         self.referenced = profile.homing == "absolute"
         self.started = False
         """System Start has been received."""
-        self.parameters = ParameterServer(actuator, i, plant, profile, self._measure)
-        self._rig, self._i, self._plant, self._profile, self._rng = rig, i, plant, profile, rng
+        self._senses = Senses(rig, i, plant, rng)
+        self.parameters = ParameterServer(actuator, i, plant, profile, self._senses.measure)
+        self._rig, self._i, self._plant, self._profile = rig, i, plant, profile
         self._scales = Scales(actuator.drive, profile)
-        self._stroke = actuator.stroke
-        self._frame_s = FRAME_BITS / rig.can.bitrate
-        noise = rig.noise
-        self._noise = {
-            "position": (noise.position, noise.position_step),
-            "velocity": (noise.velocity, noise.velocity_step),
-            "force": (noise.force, noise.force_step),
-            "current": (noise.current, noise.current_step),
-        }
         self._now_s = plant.now_s
         self._silent = False
         self._boots_until_s = -math.inf
@@ -188,7 +178,7 @@ class SimulatedCdd3000:
             self._obey(control, reset_edge=edge)
         out = self._watch() if self._watching else []
         if self._profile.timing.status_period == 0.0:
-            out.append((self._reply_s(), self._status_frame()))
+            out.append((self._senses.reply_s(self._now_s), self._status_frame()))
         return out
 
     def _obey(self, control: Control, *, reset_edge: bool = False) -> None:
@@ -202,7 +192,7 @@ class SimulatedCdd3000:
             after = PowerState.SWITCH_ON_DISABLED
         self._plant.advance(self._now_s)
         if before is PowerState.FAULT and after is not PowerState.FAULT:
-            self._allowance = self._beyond_course() + COURSE_SLACK_M
+            self._allowance = self._senses.beyond_course() + COURSE_SLACK_M
         if before is PowerState.OPERATION_ENABLED and after is not before:
             self._power_off(after)
         elif before is not after:
@@ -214,20 +204,20 @@ class SimulatedCdd3000:
                 self._watched_s = self._now_s
         if self.power is PowerState.OPERATION_ENABLED:
             value = self._scales.setpoint(self._kind, control.reference)
-            self._plant.set_setpoint(self._i, value, self._now_s - self._frame_s)
+            self._plant.set_setpoint(self._i, value, self._now_s - self._senses.frame_s)
 
     def _on_request(self, number: int, mode: int, value: int, index: int) -> Timed:
         self._addressed = True
         if self._repeats > 0 or self._now_s < self._busy_until_s:
             self._repeats = max(self._repeats - 1, 0)
             answer = Answer(number, AnswerStatus.REPEAT_ACTION, 0, index)
-            return [(self._reply_s(), encode_answer(self.frames.answer, answer))]
+            return [(self._senses.reply_s(self._now_s), encode_answer(self.frames.answer, answer))]
         self._plant.advance(self._now_s)
         enabled = self.power is PowerState.OPERATION_ENABLED
         given = self.parameters.answer(number, mode, value, enabled=enabled)
         if given is None:
             return []
-        self._busy_until_s = at_s = self._reply_s()
+        self._busy_until_s = at_s = self._senses.reply_s(self._now_s)
         return [(at_s, encode_answer(self.frames.answer, Answer(number, *given, index)))]
 
     # -- what it watches by itself -------------------------------------------------------------------
@@ -236,7 +226,7 @@ class SimulatedCdd3000:
         """The ends of the stroke and the following error, once each cycle."""
         self._plant.advance(self._now_s)
         self._watched_s = self._now_s + 1.2 * self._rig.bus.cycle
-        beyond = self._beyond_course()
+        beyond = self._senses.beyond_course()
         if beyond == 0.0:
             self._allowance = 0.0
         elif beyond > self._allowance:
@@ -247,11 +237,6 @@ class SimulatedCdd3000:
             if error > self._profile.supervision.following_error:
                 return self._trip(self._profile.code_of("following_error"))
         return []
-
-    def _beyond_course(self) -> float:
-        low, high = self._stroke
-        position = self._plant.position(self._i)
-        return max(low - position, position - high, 0.0)
 
     def _trip(self, code: int) -> Timed:
         """Error: hold at once where it stands, power off after the quick stop; the error frame goes out."""
@@ -278,21 +263,6 @@ class SimulatedCdd3000:
     @property
     def _kind(self) -> SetpointKind:
         return "force" if self.parameters.takes_force else "position"
-
-    def _reply_s(self) -> float:
-        """When a reply leaves, so that it is received `bus.answer_delay` after now, jitter apart."""
-        bus = self._rig.bus
-        delay_s = bus.answer_delay + bus.answer_jitter * float(self._rng.standard_normal())
-        return self._now_s + max(delay_s - self._frame_s, 0.0)
-
-    def _measure(self, quantity: Quantity) -> float | None:
-        """The drive's own reading with noise, sensor effects and rounding; None where it gets lost."""
-        spread, step = self._noise[quantity]
-        noise = spread * float(self._rng.standard_normal())
-        value = self._plant.answer(self._i, quantity, self._now_s, noise)
-        if value is None or step == 0.0:
-            return value
-        return round(value / step) * step
 
     def _status_frame(self) -> Frame:
         self._status_s = self._now_s

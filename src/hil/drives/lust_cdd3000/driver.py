@@ -8,16 +8,13 @@ what the protocol allows; an answer to a question not asked is counted and never
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from hil.config import RigFile
 from hil.drives.driver import DrivePhase, DriveStatus, PowerGoal
+from hil.drives.lust_cdd3000.channel import ParameterChannel
 from hil.drives.lust_cdd3000.codec import (
     Answer,
-    AnswerStatus,
     Control,
-    Mode,
-    Request,
     Status,
     decode_answer,
     decode_error,
@@ -26,28 +23,13 @@ from hil.drives.lust_cdd3000.codec import (
     encode_request,
     frame_ids,
 )
-from hil.drives.lust_cdd3000.configure import Configuration, gains_of, settings_of
 from hil.drives.lust_cdd3000.machine import PhaseMachine
 from hil.drives.lust_cdd3000.scales import Scales, kind_of
 from hil.drives.power import PowerCommand, PowerState
 from hil.drives.profile import LustProfile
-from hil.drives.slots import SlotScheduler
 from hil.errors import ProtocolError
 from hil.frames import Frame
 from hil.signals import Event, Quantity, Sample
-
-
-@dataclass(frozen=True, slots=True)
-class _Question:
-    """A request in a slot, and the quantity that its answer measures."""
-
-    request: Request
-    quantity: Quantity | None = None
-
-    @property
-    def number(self) -> int:
-        """Number of the parameter asked for."""
-        return self.request.number
 
 
 class LustDriver:
@@ -64,25 +46,11 @@ class LustDriver:
         self._profile = profile
         self._scales = Scales(actuator.drive, profile)
         self._answer_delay_s = rig.bus.answer_delay
-        position = Request(self._scales.parameters["position"].number, Mode.READ)
-        in_pattern = "position" in rig.bus.pattern
-        self._ask_position = None if in_pattern else _Question(position, "position")
-        self._scheduler = SlotScheduler(
-            tuple(
-                _Question(Request(self._scales.parameters[q].number, Mode.READ), q)
-                for q in rig.bus.pattern
-            ),
-            profile.timing.answer_wait,
-        )
-        self._configuration = Configuration(
-            settings_of(rig, actuator, profile, self.setpoint_kind),
-            gains_of(actuator, profile),
-            barrier=position.number,
-        )
+        self._channel = ParameterChannel(rig, index, profile, self._scales)
         self._machine = PhaseMachine(
             f"{self.name} (address {address})",
             profile,
-            self._configuration,
+            self._channel.configuration,
             {*rig.bus.pattern, "position"},
             rig.safety.answer_timeout,
         )
@@ -97,7 +65,6 @@ class LustDriver:
         )
         self._first_slot_s: float | None = None
         self._logged_on = False
-        self._position: int | None = None
         self._reference = 0
         self._garbage = 0
 
@@ -119,7 +86,7 @@ class LustDriver:
     @property
     def status(self) -> DriveStatus:
         """The drive as known now."""
-        machine, scheduler = self._machine, self._scheduler
+        machine, slots = self._machine, self._channel.slots
         return DriveStatus(
             phase=machine.phase,
             enabled=machine.phase is DrivePhase.ENABLED,
@@ -128,13 +95,13 @@ class LustDriver:
             error=machine.error,
             waiting_for=machine.waiting_for(),
             last_answer_s=machine.heard_s,
-            watchdog_ok=self._configuration.watchdog_ok,
-            slots=scheduler.slots,
-            pairs=scheduler.pairs,
-            repeats=scheduler.repeats,
-            timeouts=scheduler.timeouts,
+            watchdog_ok=self._channel.configuration.watchdog_ok,
+            slots=slots.slots,
+            pairs=slots.pairs,
+            repeats=slots.repeats,
+            timeouts=slots.timeouts,
             garbage=self._garbage,
-            unasked=scheduler.unasked,
+            unasked=slots.unasked,
         )
 
     def ids(self) -> frozenset[int]:
@@ -198,45 +165,27 @@ class LustDriver:
     def _take_log_on(self, now_s: float) -> None:
         if self._machine.log_on(now_s):
             self.told = False
-            self._scheduler.reset()
-            self._position = None
+            self._channel.restart()
 
     def _on_status(self, now_s: float, status: Status) -> list[Sample]:
         self._machine.took_status(now_s, status)
         if not self._profile.layout.status_carries_position:
             return []
-        self._position = status.actual
+        self._channel.position = status.actual
         self._machine.answered(now_s, "position")
         value = self._scales.setpoint("position", status.actual)
         return [self._sample(now_s, "position", value)]
 
     def _on_answer(self, now_s: float, answer: Answer) -> list[Sample]:
-        repeat = bool(answer.status & AnswerStatus.REPEAT_ACTION)
-        question = self._scheduler.answered(answer.number, repeat=repeat)
-        if question is None:
+        taken = self._channel.take(answer)
+        if taken is None:
             return []
-        self._machine.answered(now_s, None)
-        if repeat:
-            in_row = self._scheduler.repeats_in_row
-            if in_row >= self._profile.timing.repeat_limit:
-                text = f"asked {in_row} times in a row to repeat parameter {answer.number}"
-                self._machine.fault(now_s, "drive_refuses", text)
+        self._machine.answered(now_s, taken.quantity)
+        if taken.refusal is not None:
+            self._machine.fault(now_s, "drive_refuses", taken.refusal)
+        if taken.quantity is None:
             return []
-        self._configuration.answered(question.request, answer)
-        if question.quantity is None:
-            return []
-        what = f"its {question.quantity} (parameter {answer.number})"
-        if answer.status:
-            self._machine.fault(now_s, "drive_refuses", f"does not answer {what}: {answer.status}")
-            return []
-        value = self._scales.measured(question.quantity, answer.value)
-        if not math.isfinite(value):
-            self._machine.fault(now_s, "drive_refuses", f"answers {what} with no number")
-            return []
-        if question.quantity == "position":
-            self._position = self._scales.reference("position", value)
-        self._machine.answered(now_s, question.quantity)
-        return [self._sample(now_s, question.quantity, value)]
+        return [self._sample(now_s, taken.quantity, taken.value)]
 
     def _sample(self, now_s: float, quantity: Quantity, value: float) -> Sample:
         return Sample(self.name, quantity, value, now_s - self._answer_delay_s, now_s)
@@ -263,10 +212,10 @@ class LustDriver:
             self.frames.control, self._profile.layout, self._control(command, setpoint)
         )
         self.told = True
-        question = self._scheduler.ask(now_s, self._first_question())
-        if question is None:
+        request = self._channel.ask(now_s, configuring=self.phase is DrivePhase.LOGGED_ON)
+        if request is None:
             return [control]
-        return [control, encode_request(self.frames.request, question.request)]
+        return [control, encode_request(self.frames.request, request)]
 
     def _control(self, command: PowerCommand, setpoint: float | None) -> Control:
         if self.phase is DrivePhase.FAULT:
@@ -286,16 +235,9 @@ class LustDriver:
 
     def _idle_reference(self) -> int:
         """What moves nothing when the power comes: where the drive is, or no force."""
-        if self.setpoint_kind == "force" or self._position is None:
+        if self.setpoint_kind == "force" or self._channel.position is None:
             return 0
-        return self._position
-
-    def _first_question(self) -> _Question | None:
-        """What goes before the pattern: configuration, then one position where the pattern has none."""
-        request = self._configuration.request() if self.phase is DrivePhase.LOGGED_ON else None
-        if request is not None:
-            return _Question(request)
-        return self._ask_position if self._position is None else None
+        return self._channel.position
 
     def _listened(self, now_s: float) -> bool:
         first_s = self._first_slot_s
@@ -320,8 +262,7 @@ class LustDriver:
         self._machine.fault(now_s, name, text)
 
     def _wait_for_log_on(self, now_s: float) -> None:
-        self._scheduler.reset()
+        self._channel.restart()
         self.told = False
         self._first_slot_s = now_s
         self._logged_on = False
-        self._position = None
