@@ -57,19 +57,28 @@ class ActuatorLimits:
         rho = self._manipulator.inverse(q)
         return float(max(np.max(self._low - rho), np.max(rho - self._high), 0.0))
 
-    def demand(self, q: Vector, qd: Vector, qdd: Vector, allowed_outside: float = 0.0) -> Demand:
-        """The limit most used by this state. Strokes count as 2 where left by more than allowed."""
+    def demand(self, q: Vector, qd: Vector, qdd: Vector, faster: Vector | None = None) -> Demand:
+        """The limit most used by this state; `faster` (n,) is how much |qd| may still grow."""
+        m = self._manipulator
         try:
-            rho = self._manipulator.inverse(q)
-            speed = np.abs(self._manipulator.rates(q, qd)) / self._speed
-            acceleration = np.abs(self._manipulator.accelerations(q, qd, qdd)) / self._acceleration
+            J = m.jacobian(q)
+            speed = np.abs(J @ qd) + (0.0 if faster is None else np.abs(J) @ faster)
+            acceleration = np.abs(m.accelerations(q, qd, qdd)) / self._acceleration
         except KinematicsError:
             return Demand(2.0, "closure:rig")
-        outside = np.maximum(self._low - rho, rho - self._high)
-        i = int(np.argmax(outside))
-        if outside[i] > allowed_outside + 1.0e-9:
-            return Demand(2.0, f"stroke:{self._names[i]}")
+        speed = speed / self._speed
         i, k = int(np.argmax(speed)), int(np.argmax(acceleration))
         if speed[i] >= acceleration[k]:
             return Demand(float(speed[i]), f"actuator_speed:{self._names[i]}")
         return Demand(float(acceleration[k]), f"actuator_acceleration:{self._names[k]}")
+
+    def stroke_demand(self, q: Vector, allowed_outside: float = 0.0) -> Demand:
+        """Use 0, or 2 where an actuator is outside its stroke less margin by more than allowed."""
+        try:
+            rho = self._manipulator.inverse(q)
+        except KinematicsError:
+            return Demand(2.0, "closure:rig")
+        outside = np.maximum(self._low - rho, rho - self._high)
+        i = int(np.argmax(outside))
+        beyond = outside[i] > allowed_outside + 1.0e-9
+        return Demand(2.0 if beyond else 0.0, f"stroke:{self._names[i]}")

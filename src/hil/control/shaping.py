@@ -34,8 +34,6 @@ FOLLOW_MOST_S: Final = 0.15
 """Where the newest pose lies in the past the target is a guess that each new cue corrects: following
 is gentler by so many times its age, or the rig would shake with the rate of the cues."""
 GUESS_SMOOTH_S: Final = 1.0
-LOOKS: Final = (0.0, 0.25, 0.5, 1.0)
-"""Where along the quickest stop actuators are checked, as shares of its duration."""
 EASE_AT: Final = 0.97
 """From this use of an actuator's limit on, the speed share is lowered."""
 SLOWEST: Final = 0.02
@@ -57,6 +55,7 @@ class CueShaper:
         self._cycle_s = rig.bus.cycle
         self._guessed_s = 0.0
         self._limits = np.asarray(rig.limits)
+        self._jerk = jerk
         self._planners = [
             CoordinatePlanner(v, self.acceleration_share * a, j, limit, rig.bus.cycle)
             for v, a, j, limit in zip(velocity, acceleration, jerk, rig.limits, strict=True)
@@ -179,14 +178,12 @@ class CueShaper:
         )
 
     def _advance_gain(self) -> None:
-        """Critically damped approach to the gain asked for, at rest within about ramp_in."""
-        g, gd, _ = self._gain
-        w, dt = 6.0 / self._ramp_s, self._cycle_s
-        e, c = g - self._gain_goal, gd + w * (g - self._gain_goal)
-        decay = np.exp(-w * dt)
-        e, gd = (e + c * dt) * decay, (gd - w * c * dt) * decay
-        g = min(max(self._gain_goal + e, 0.0), 1.0)
-        self._gain = (g, gd, -w * w * e - 2.0 * w * gd)
+        """Three equal real poles: smooth up to the acceleration, no overshoot, there within ramp_in."""
+        g, gd, gdd = self._gain
+        w, dt = 8.0 / self._ramp_s, self._cycle_s
+        gdd -= dt * w * (3.0 * gdd + w * (3.0 * gd + w * (g - self._gain_goal)))
+        gd += dt * gdd
+        self._gain = (min(max(g + dt * gd, 0.0), 1.0), gd, gdd)
 
     def _target(self, now_s: float, t_s: float) -> tuple[Vector, Vector, Vector]:
         """The cue at `t_s`, by master gain and ramp, inside the workspace."""
@@ -250,18 +247,19 @@ class CueShaper:
         return plans
 
     def _demand(self, plans: list[_Plan]) -> Demand:
-        """The actuators' limit most used by the next state and by the quickest stop from it."""
-        longest = max((stop.duration for _, stop in plans if stop is not None), default=0.0)
-        looks = LOOKS if longest > self._cycle_s else LOOKS[:1]
-        worst = Demand(0.0, "")
-        for share in looks:
-            states = [
-                state if stop is None or share == 0.0 else _along(stop, share * longest)
-                for state, stop in plans
-            ]
-            q, qd, qdd = (np.array(x) for x in zip(*states, strict=True))
-            worst = max(worst, self._actuators.demand(q, qd, qdd, self._outside))
-        return worst
+        """The actuators' limit most used by the next state and by the quickest stop from it.
+
+        Taking an acceleration back to zero at the jerk limit j adds a²/2j to the speed first.
+        """
+        q, qd, qdd = (np.array(x) for x in zip(*(state for state, _ in plans), strict=True))
+        faster = np.where(qd * qdd > 0.0, qdd * qdd / (2.0 * self._jerk), 0.0)
+        ends = [
+            state.p if stop is None else stop.at_time(stop.duration)[0][0] for state, stop in plans
+        ]
+        return max(
+            self._actuators.demand(q, qd, qdd, faster),
+            self._actuators.stroke_demand(np.array(ends), self._outside),
+        )
 
 
 _Plan = tuple[State, Trajectory | None]
@@ -280,8 +278,3 @@ def _stop(planner: CoordinatePlanner, s: State) -> _Plan:
     """First cycle of the quickest stop. Ruckig finds one from any finite state; else stand still."""
     step = planner.stop(s)
     return (State(s.p, 0.0, 0.0), None) if step is None else (step, planner.stopping(step))
-
-
-def _along(stop: Trajectory, t_s: float) -> State:
-    p, v, a = stop.at_time(min(t_s, stop.duration))
-    return State(p[0], v[0], a[0])
