@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -163,6 +164,13 @@ MESSAGES = [
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda m: type(m).__name__)
 def test_every_message_survives_json(message: msgspec.Struct) -> None:
     assert decode(encode(message), type(message)) == message
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    payload = encode(SetpointMessage(np.float64(1.5), "position", {"leg1": np.float32(0.5)}))
+    assert decode(payload, SetpointMessage) == SetpointMessage(1.5, "position", {"leg1": 0.5})
+    with pytest.raises(TypeError, match="object has no place"):
+        encode(SetpointMessage(0.0, "position", {"leg1": object()}))  # type: ignore[dict-item]
 
 
 def test_what_was_never_measured_is_left_out_rather_than_null() -> None:

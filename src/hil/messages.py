@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from numbers import Real
 from typing import Annotated, Any, Final, TypeVar
 
 import msgspec
@@ -162,8 +163,14 @@ PAYLOADS: Final[dict[str, type[Struct]]] = {
 
 
 def encode(message: Struct) -> bytes:
-    """JSON of a message."""
-    return msgspec.json.encode(message)
+    """JSON of a message; numbers of numpy are numbers."""
+    return msgspec.json.encode(message, enc_hook=_plain)
+
+
+def _plain(value: object) -> float:
+    if isinstance(value, Real):
+        return float(value)
+    raise TypeError(f"{type(value).__name__} has no place in a message")
 
 
 _DECODERS: Final = {kind: msgspec.json.Decoder(kind) for kind in PAYLOADS.values()}
