@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
+import tomlkit
 from pydantic import ValidationError
 
 from hil.config.base import Settings
@@ -42,6 +43,12 @@ def load_rig(name: str | Path) -> RigFile:
 def load_drive(name: str, model: type[S]) -> S:
     """Read and check the drive file of the family `name`, a folder among those that come with hil."""
     return load_settings(data_folder("drives") / name / "drive.toml", model)
+
+
+def rig_toml(rig: RigFile, comment: str = "") -> str:
+    """A rig file that says all of `rig`, defaults included, after a line of comment."""
+    tables = rig.model_dump(mode="json", exclude_none=True)
+    return (f"# {comment}\n" if comment else "") + tomlkit.dumps(tables)
 
 
 def load_settings(path: Path, model: type[S]) -> S:

@@ -323,7 +323,10 @@ def test_when_control_dies_clients_are_told_and_the_gateway_leaves(tmp_path, sta
         running.control.die()
         assert until(lambda: running.result is not None and [running.result]) == [code]
         until(lambda: "control_gone" in names(events))
-    assert (states[-1]["state"], states[-1]["fault"]) == ("offline", "control has ended")
+    assert (states[-1]["state"], states[-1]["fault"]) == (
+        "offline",
+        "the control process has ended",
+    )
     assert events[-1]["severity"] == ("fault" if code else "info")
 
 

@@ -53,13 +53,26 @@ def test_what_is_said_to_be_granted_is_what_the_kernel_did():
 def test_garbage_is_left_alone_while_armed_and_collected_again_after():
     garbage = CalmGarbage()
     try:
+        garbage.settle()
+        assert gc.get_freeze_count() > 0
         garbage.arm()
         assert not gc.isenabled()
-        assert gc.get_freeze_count() > 0
         garbage.arm()
     finally:
         garbage.disarm()
+        gc.unfreeze()
     assert gc.isenabled()
-    assert gc.get_freeze_count() == 0
     garbage.disarm()
     assert gc.isenabled()
+
+
+def test_arming_costs_the_loop_no_collection():
+    collected = []
+    gc.callbacks.append(lambda phase, _: collected.append(phase))
+    garbage = CalmGarbage()
+    try:
+        garbage.arm()
+        garbage.disarm()
+    finally:
+        gc.callbacks.pop()
+    assert collected == []

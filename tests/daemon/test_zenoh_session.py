@@ -12,7 +12,7 @@ from contextlib import contextmanager
 import pytest
 
 from hil.daemon.zenoh_session import INBOX, Inbox, RigSession, client_identity
-from tests.daemon.gateway_rig import free_port, plain, rig_at, until
+from tests.daemon.gateway_rig import free_port, plain, rig_at
 
 STUCK = """
 import sys, time, zenoh
@@ -41,13 +41,16 @@ def stuck_subscriber(endpoint):
         process.stdout.close()
 
 
-def opened(rig, cues=None):
-    return RigSession(
-        rig,
-        on_cue=(lambda arrival: None) if cues is None else cues.append,
+def opened(rig):
+    """A session that has declared everything and listens to nobody; within a running loop."""
+    session = RigSession(rig)
+    session.declare(
+        {},
+        on_cue=lambda arrival: None,
         on_query=lambda query: None,
         on_client=lambda change: None,
     )
+    return session
 
 
 def test_a_subscriber_that_hangs_never_holds_up_a_publication(tmp_path):
@@ -56,7 +59,6 @@ def test_a_subscriber_that_hangs_never_holds_up_a_publication(tmp_path):
     async def publish() -> tuple[float, float]:
         session = opened(rig)
         try:
-            session.declare({})
             with stuck_subscriber(rig.zenoh.listen[0]):
                 slowest_s = 0.0
                 begin_s = time.monotonic()
@@ -79,15 +81,16 @@ def test_one_hung_subscriber_does_not_silence_the_others(tmp_path):
     async def publish() -> None:
         session = opened(rig)
         try:
-            session.declare({})
             with stuck_subscriber(rig.zenoh.listen[0]), plain(rig.zenoh.listen[0]) as client:
                 seen = client.subscribe("state")
                 await asyncio.sleep(0.05)
                 for _ in range(400):
                     session.publish("state", b'"' + b"x" * 60_000 + b'"', is_stream=True)
-                seen.clear()
-                session.publish("state", b'"now"', is_stream=True)
-                await asyncio.to_thread(until, lambda: "now" in seen, 1.5)
+                end_s = time.monotonic() + 1.5
+                while "now" not in seen:
+                    assert time.monotonic() < end_s
+                    session.publish("state", b'"now"', is_stream=True)
+                    await asyncio.sleep(0.01)
         finally:
             session.close()
 
@@ -104,7 +107,6 @@ def test_nothing_listens_beyond_the_endpoints_of_the_rig_file(tmp_path):
         "from pathlib import Path\n"
         "async def main():\n"
         f"    session = opened(rig_at({rig.zenoh.listen[0].rpartition(':')[2]}, Path('.')))\n"
-        "    session.declare({})\n"
         "    print('up', flush=True)\n"
         "    sys.stdin.read()\n"
         "    session.close()\n"

@@ -7,7 +7,7 @@ import sys
 import typer
 
 from hil import __version__
-from hil.cli import config
+from hil.cli import client, config, cue, demo, rig
 from hil.cli.console import complain
 from hil.errors import HilError
 
@@ -19,7 +19,13 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     epilog="Start here: `hil demo` rides a simulated motorcycle rig for a minute; no hardware, no root.",
 )
+app.command()(demo.demo)
+app.command()(rig.run)
+app.command()(rig.simulate)
+app.command()(client.command)
+app.command()(client.watch)
 app.add_typer(config.app, name="config")
+app.add_typer(cue.app, name="cue")
 
 
 @app.callback(invoke_without_command=True)

@@ -10,7 +10,6 @@ from rich.live import Live
 from hil.cli.console import JsonFlag, RigArgument, err, out, write_json
 from hil.client import ENDPOINT, RigClient
 from hil.configfile import load_rig
-from hil.errors import RigNotReached
 from hil.messages import encode
 from hil.ui.live import LiveView
 
@@ -61,7 +60,7 @@ def watch(
     settings = load_rig(rig)
     view = LiveView(settings.name, settings.coordinates, settings.limits)
     with RigClient(settings.name, endpoint) as client:
-        states, events = client.states(), client.events(timeout_s=0.0)
+        states, events = client.states(), client.events()
         first_s: float | None = None
         with Live(
             console=out, refresh_per_second=10, transient=json, auto_refresh=not json
@@ -74,9 +73,6 @@ def watch(
                     typer.echo(encode(state).decode())
                     continue
                 view.add_state(state)
-                try:
-                    for event in events:
-                        view.add_event(event)
-                except RigNotReached:
-                    pass  # no event waits
+                for event in events.waiting():
+                    view.add_event(event)
                 live.update(view.render())

@@ -21,7 +21,7 @@ from hil.config import RigFile
 from hil.daemon.core import RigCore
 from hil.daemon.ipc import Channel, CueJoiner
 from hil.daemon.realtime import CalmGarbage, request_rights
-from hil.daemon.records import CommandRecord, CueRecord, EventRecord, GatewayAlive
+from hil.daemon.records import CommandRecord, CueRecord, EventRecord, GatewayAlive, Severity
 from hil.daemon.sdnotify import Notifier
 from hil.drives.driver import DriveBus
 from hil.errors import BusError
@@ -83,6 +83,8 @@ class ControlProcess:
         self._alive_s = now_s
         self._ending_s: float | None = None
         self._off_cycles = 0
+        self.gateway_died = False
+        """The gateway process ended before this one."""
         self._done: asyncio.Future[None]
 
     async def run(self) -> None:
@@ -90,10 +92,9 @@ class ControlProcess:
         loop = asyncio.get_running_loop()
         self._done = loop.create_future()
         for right in request_rights():
-            severity = "info" if right.is_granted else "warning"
-            self._channel.send(
-                EventRecord(time.monotonic(), severity, f"right_{right.name}", right.text)
-            )
+            now_s, name = time.monotonic(), f"right_{right.name}"
+            severity: Severity = "info" if right.is_granted else "warning"
+            self._channel.send(EventRecord(now_s, severity, name, right.text))
         for signum in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(signum, self.end)
         readers = (
@@ -103,6 +104,8 @@ class ControlProcess:
         )
         for fd, action in readers:
             loop.add_reader(fd, self._guarded, action)
+        self._garbage.settle()
+        self._core.start_at(time.monotonic() + self._rig.bus.cycle)
         self._timer.arm_at(self._core.next_due_s)
         self._notifier.ready(f"{self._rig.name} on {self._port.name}: {self._core.state}")
         try:
@@ -122,7 +125,7 @@ class ControlProcess:
             self._off_cycles = OFF_CYCLES
             return
         self._ending_s = now_s
-        self._core.begin_end(now_s)
+        self._core.end()
         self._notifier.stopping("parking")
 
     def _guarded(self, action: Callable[[], None]) -> None:
@@ -159,8 +162,12 @@ class ControlProcess:
                 self._core.command(now_s, record)
             elif isinstance(record, GatewayAlive):
                 self._core.gateway_alive(now_s)
-        if not self._channel.is_open:
+        if not self._channel.is_open and not self.gateway_died:
+            # Nobody records or publishes any more: park, and let whoever started us start anew.
+            self.gateway_died = True
             asyncio.get_running_loop().remove_reader(self._channel.fileno())
+            if self._ending_s is None:
+                self.end()
 
     def _send(self, now_s: float, frames: Sequence[Frame]) -> None:
         for frame in frames:
@@ -189,7 +196,7 @@ class ControlProcess:
         if self._ending_s is None:
             return
         if now_s - self._ending_s > PARK_S:
-            self._core.cut_power(now_s)
+            self._core.cut_power()
         if not self._core.armed:
             self._off_cycles += 1
         if self._off_cycles > OFF_CYCLES * (len(self._rig.actuators) + 1) and not self._done.done():

@@ -49,22 +49,3 @@ class CueInlet:
         self._budgets[client] = (max(0.0, left - 1.0), now_s)
         if left < 1.0:
             raise ProtocolError(f"cue: more than {RATE_HZ:.0f} a second from one client")
-
-
-class RepeatLimiter:
-    """Lets one of a kind through each second and counts the rest, so that logs stay readable."""
-
-    def __init__(self, period_s: float = 1.0) -> None:
-        self._period_s = period_s
-        self._seen: dict[str, tuple[float, int]] = {}
-
-    def lets(self, kind: str, now_s: float) -> int | None:
-        """None if `kind` came within the period; else how many were held back since the last."""
-        last = self._seen.get(kind)
-        if last is not None and now_s - last[0] < self._period_s:
-            self._seen[kind] = (last[0], last[1] + 1)
-            return None
-        if len(self._seen) > 1000:
-            self._seen.clear()
-        self._seen[kind] = (now_s, 0)
-        return last[1] if last is not None else 0

@@ -7,9 +7,8 @@ from typing import Any, Final
 
 from prometheus_client import CollectorRegistry, Counter, Enum, Gauge, Histogram, start_http_server
 
-from hil.daemon.records import RIG_STATES
+from hil.daemon.records import RIG_STATES, StateRecord
 from hil.errors import ConfigError
-from hil.messages import StateMessage
 
 LATENESS_BUCKETS_S: Final = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 1e-1)
 
@@ -29,11 +28,15 @@ class Metrics:
             return Gauge(name, text, label, **common).labels(rig)
 
         self._rig = rig
-        self._frames = counter("frames", "CAN frames", "direction")
+        frames = counter("frames", "CAN frames", "direction")
+        self._sent, self._received = frames.labels(rig, "sent"), frames.labels(rig, "received")
         self._cues = counter("cues", "cues from clients", "outcome")
         self._events = counter("events", "events", "severity", "name")
         self._commands = counter("commands", "commands from clients", "name", "outcome")
-        self._state = Enum("state", "state of the rig", label, states=list(RIG_STATES), **common)
+        self._shown = ""
+        self._state = Enum(
+            "state", "state of the rig", label, states=list(RIG_STATES), **common
+        ).labels(rig)
         self._lateness = Histogram(
             "lateness_seconds", "how late cycles began", label, buckets=LATENESS_BUCKETS_S, **common
         ).labels(rig)
@@ -47,7 +50,7 @@ class Metrics:
 
     def frame(self, *, is_sent: bool) -> None:
         """Count a frame."""
-        self._frames.labels(self._rig, "sent" if is_sent else "received").inc()
+        (self._sent if is_sent else self._received).inc()
 
     def cue(self, *, is_accepted: bool) -> None:
         """Count a cue that was passed on to control, or refused."""
@@ -61,14 +64,16 @@ class Metrics:
         """Count a command."""
         self._commands.labels(self._rig, name, "done" if ok else "refused").inc()
 
-    def state(self, message: StateMessage) -> None:
+    def state(self, record: StateRecord) -> None:
         """Take over the state of a cycle."""
-        self._state.labels(self._rig).state(message.state)
-        self._lateness.observe(message.lateness_s)
-        self._tracking.set(message.tracking_error)
-        self._overruns.set(message.overruns)
-        self._slot_use.set(message.slot_use)
-        self._bus_load.set(message.bus_load)
+        if record.state != self._shown:
+            self._shown = record.state
+            self._state.state(record.state)
+        self._lateness.observe(record.lateness_s)
+        self._tracking.set(record.tracking_error)
+        self._overruns.set(record.overruns)
+        self._slot_use.set(record.pairs / record.slots if record.slots else 0.0)
+        self._bus_load.set(record.bus_load)
 
 
 class MetricsServer:

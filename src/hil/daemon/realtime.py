@@ -66,18 +66,22 @@ def lock_memory() -> Right:
 class CalmGarbage:
     """Keeps Python's garbage collector out of the loop while the rig is armed.
 
-    Objects that live at arming are frozen, so that the collection after disarming stays short.
-    Reference counting still frees everything without cycles; the loop makes none.
+    A whole collection takes a tenth of a second: longer than a drive's watchdog waits. So it is done once,
+    before the loop begins; what lives then is frozen, and collections while disarmed stay short. While
+    armed there are none: reference counting frees everything without cycles, and the loop makes none.
     """
 
     def __init__(self) -> None:
         self.is_calm = False
 
+    def settle(self) -> None:
+        """Collect once and freeze what is left. Call before the loop begins."""
+        gc.collect()
+        gc.freeze()
+
     def arm(self) -> None:
-        """Collect once, freeze what is left, and switch the collector off."""
+        """No collection from now on."""
         if not self.is_calm:
-            gc.collect()
-            gc.freeze()
             gc.disable()
             self.is_calm = True
 
@@ -85,5 +89,4 @@ class CalmGarbage:
         """Back to ordinary collection."""
         if self.is_calm:
             gc.enable()
-            gc.unfreeze()
             self.is_calm = False

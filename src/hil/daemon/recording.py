@@ -1,4 +1,4 @@
-"""Which call of the recorder keeps which record of control's: the same for the gateway and in simulated time."""
+"""Which call of the recorder keeps which record of control's."""
 
 from __future__ import annotations
 

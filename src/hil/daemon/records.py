@@ -29,7 +29,8 @@ RIG_STATES: Final = (
 QUANTITIES: Final = ("position", "velocity", "force", "current", *IMU_QUANTITIES)
 KINDS: Final = ("position", "force")
 DRIVE_PHASES: Final = ("absent", "logged on", "configured", "ready", "enabled", "fault")
-SEVERITIES: Final = ("info", "warning", "fault")
+Severity = Literal["info", "warning", "fault"]
+SEVERITIES: Final[tuple[Severity, ...]] = ("info", "warning", "fault")
 
 _NAN = float("nan")
 
@@ -120,7 +121,7 @@ class EventRecord(NamedTuple):
     """An event; `name` keeps 48 bytes, `text` 240."""
 
     t_s: float
-    severity: Literal["info", "warning", "fault"]
+    severity: Severity
     name: str
     text: str
 

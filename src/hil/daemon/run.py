@@ -32,7 +32,7 @@ def run_rig(
     *,
     read_only: bool = False,
 ) -> int:
-    """Run the rig until SIGINT or SIGTERM. Returns 0, or the gateway's exit code if it could not start.
+    """Run the rig until SIGINT or SIGTERM. Returns 0, or 1 if the gateway process died meanwhile.
 
     RigInUse where another daemon has the rig or the bus, BusError where there is no such bus.
     """
@@ -49,7 +49,7 @@ def run_rig(
         asyncio.run(control.run())
     if gateway.returncode == 2:
         raise HilError(f"{rig.name}: the gateway process could not start; its reason is above")
-    return 0
+    return 1 if control.gateway_died else 0
 
 
 def _end_gateway(gateway: subprocess.Popen[bytes]) -> None:

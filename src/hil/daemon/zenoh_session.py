@@ -63,27 +63,34 @@ class Inbox:
 class RigSession:
     """One rig on Zenoh. Opened on the loop's thread; every handler is called on that thread."""
 
-    def __init__(
+    def __init__(self, rig: RigFile) -> None:
+        """RigInUse if the endpoint is taken, ConfigError if it cannot be opened."""
+        self._prefix = f"hil/{rig.name}"
+        self._schemas: dict[str, bytes] = {}
+        self._publishers: dict[str, Any] = {}
+        self._session = _open(rig)
+        self._declared: list[Any] = []
+        self._inboxes: tuple[Inbox, ...] = ()
+
+    @property
+    def dropped(self) -> int:
+        """Messages of clients that found no room in an inbox."""
+        return sum(inbox.dropped for inbox in self._inboxes)
+
+    def declare(
         self,
-        rig: RigFile,
+        schemas: Mapping[str, dict[str, Any]],
         *,
         on_cue: Callable[[Arrival], None],
         on_query: Callable[[zenoh.Query], None],
         on_client: Callable[[tuple[str, bool]], None],
     ) -> None:
-        self._prefix = f"hil/{rig.name}"
-        self._loop = asyncio.get_running_loop()
-        self.cues = Inbox(self._loop, on_cue)
-        self._queries = Inbox(self._loop, on_query)
-        self._clients = Inbox(self._loop, on_client)
-        self._schemas: dict[str, bytes] = {}
-        self._publishers: dict[str, Any] = {}
-        self._session = _open(rig)
-        self._declared: list[Any] = []
-
-    def declare(self, schemas: Mapping[str, dict[str, Any]]) -> None:
         """Put everything on the network, the liveliness token last: who sees it finds the rest."""
-        session = self._session
+        session, loop = self._session, asyncio.get_running_loop()
+        self._cues = Inbox(loop, on_cue)
+        self._queries = Inbox(loop, on_query)
+        self._clients = Inbox(loop, on_client)
+        self._inboxes = (self._cues, self._queries, self._clients)
         for name, schema in schemas.items():
             self._schemas[self.key(f"schema/{name}")] = json.dumps(schema).encode()
         self._declared += [
@@ -139,7 +146,7 @@ class RigSession:
             str(source.source_id.zid) if source is not None else "",
         )
         payload = sample.payload.to_bytes() if size <= LARGEST_PAYLOAD else None
-        self.cues.put(Arrival(payload, size, client, now_s))
+        self._cues.put(Arrival(payload, size, client, now_s))
 
     def _on_query(self, query: zenoh.Query) -> None:
         if not self._queries.put(query):

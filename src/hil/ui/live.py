@@ -64,6 +64,18 @@ class LiveView:
         ]
         return Panel(Group(*parts), title=f"{self._rig}  t = {state.t:.2f} s", padding=(0, 1))
 
+    def line(self) -> str:
+        """The newest state in one line, for where no terminal is."""
+        state = self._state
+        if state is None:
+            return "no state yet"
+        pose = ", ".join(f"{name} {value:+.3f}" for name, value in state.pose.items())
+        return (
+            f"{state.state}, {pose}, error {state.tracking_error * 1e3:.2f} mm, "
+            f"slots {state.slot_use:.1%}, late {state.lateness_s * 1e6:.0f} µs, "
+            f"bus {state.bus_load:.0%}"
+        )
+
     def _poses(self, state: StateMessage) -> Table:
         table = Table("", "asked for", "measured", "", box=None, padding=(0, 2), header_style="dim")
         for name, limit in self._limits.items():

@@ -34,7 +34,24 @@ class Motion:
         self.setpoints: Setpoints | None = None
         self._controller = build_controller(rig, manipulator, torque_reference)
         self._parked = np.asarray(rig.parked_pose)
+        self._cycle_s = rig.bus.cycle
         self._goal = MotionGoal.NONE
+
+    def rehearse(self) -> None:
+        """Play a few cycles at rest, so that compiled code is loaded before time matters.
+
+        For a `Motion` that is thrown away afterwards.
+        """
+        rho = self.manipulator.inverse(self._parked)
+        cycle_s = self._cycle_s
+        for k, goal in enumerate((MotionGoal.NONE, *MotionGoal, MotionGoal.NONE)):
+            now_s = k * cycle_s
+            for name, value in zip(self.manipulator.actuators, rho.tolist(), strict=True):
+                for quantity in ("position", "velocity", "force"):
+                    still = value if quantity == "position" else 0.0
+                    self.sample(Sample(name, quantity, still, now_s, now_s))
+            self.observe(now_s + 0.5 * cycle_s)
+            self.step(now_s + cycle_s, goal)
 
     def cue(self, now_s: float, cue: Cue) -> Verdict:
         """Judge a cue and, if it may move the rig, take it."""

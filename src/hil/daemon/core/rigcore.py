@@ -8,7 +8,7 @@ gathers in `take_records`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, Literal
+from typing import Final
 
 from hil.bus.state import ERR_BUS_OFF, ERR_RESTARTED
 from hil.config import RigFile
@@ -23,6 +23,7 @@ from hil.daemon.records import (
     EventRecord,
     Record,
     ReplyRecord,
+    Severity,
     StateRecord,
 )
 from hil.drives.driver import DriveBus, PowerGoal
@@ -49,35 +50,41 @@ OURS: Final = -1
 EVENT_REPEAT_S: Final = 1.0
 """The same trouble is told once in so long, with the number of times it was held back."""
 NAN: Final = float("nan")
-Severity = Literal["info", "warning", "fault"]
 
 
 class RigCore:
-    """One rig. `start_s` is the instant of the first cycle, s."""
+    """One rig. `start_s` is the instant of the first cycle, s; `start_at` moves it."""
 
     def __init__(
         self, rig: RigFile, drives: DriveBus, start_s: float, *, read_only: bool = False
     ) -> None:
         self.rig = rig
         self._link = Link(rig, drives, read_only=read_only)
-        self._motion = Motion(rig, build_rig(rig), drives[0].setpoint_kind == "force")
+        manipulator, takes_force = build_rig(rig), drives[0].setpoint_kind == "force"
+        Motion(rig, manipulator, takes_force).rehearse()
+        self._motion = Motion(rig, manipulator, takes_force)
         self._machine = RigStateMachine(state_settings(rig))
         self._state = RigState()
         self._power, self._goal = PowerGoal.OFF, MotionGoal.NONE
-        stagger_s = rig.bus.stagger if rig.bus.schedule == "parameter" else 0.0
-        self._schedule = Schedule(start_s, rig.bus.cycle, stagger_s, len(drives))
         self._requests: list[Request] = []
         self._records: list[Record] = []
         self._phases = [""] * len(drives)
         self._told: dict[str, tuple[float, int]] = {}
-        self._gateway_s = start_s
         self._cycle_s = NAN
+        self.start_at(start_s)
         self._refused_now = False
         self._busy_cycles = 0
         self._bus_off = False
         self._ending = False
         self.bus_load = NAN
         """Share of the bus in use, as whoever holds the port has measured it."""
+
+    def start_at(self, start_s: float) -> None:
+        """Begin the first cycle at `start_s`, s: building the core may have taken its time."""
+        bus = self.rig.bus
+        stagger_s = bus.stagger if bus.schedule == "parameter" else 0.0
+        self._schedule = Schedule(start_s, bus.cycle, stagger_s, len(self._link.drives))
+        self._gateway_s = start_s
 
     @property
     def state(self) -> str:
@@ -132,6 +139,10 @@ class RigCore:
     def end(self) -> None:
         """Somebody wants to leave: park if the drives are on, then switch them off."""
         self._ending = True
+
+    def cut_power(self) -> None:
+        """Drives off at the next slot, whatever the rig does: parking took too long."""
+        self._state = self._state.disarm()
 
     # what is due
 

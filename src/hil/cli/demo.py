@@ -1,0 +1,268 @@
+"""`hil demo`: the whole rig on a desk, from cue to report, with nothing installed but hil."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import webbrowser
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.live import Live
+
+from hil.cli.console import err, out
+from hil.cli.options import ModeName, ModeOption, SeedOption, profiles_of, rig_with
+from hil.client import RigClient
+from hil.config import RigFile
+from hil.control.demo_ride import DURATION_S, DemoRide
+from hil.daemon.simulated import record_ride
+from hil.errors import CommandRefused, HilError, RigNotReached
+from hil.runs import load_run
+from hil.signals import Cue, TimedPose
+from hil.ui.live import LiveView
+from hil.ui.report import run_report
+from hil.ui.report_summary import summary_lines
+
+START_S = 60.0
+"""A fresh checkout compiles the model first, which takes half a minute on a small machine."""
+PARK_S = 20.0
+MOVING = ("engaged", "ready", "parking")
+CUE_HZ = 50.0
+
+
+def demo(
+    rig: Annotated[str, typer.Argument(metavar="[RIG]", help="Which rig to ride.")] = "motorcycle",
+    fast: Annotated[
+        bool, typer.Option("--fast", help="In simulated time: the same code, within seconds.")
+    ] = False,
+    seconds: Annotated[
+        float, typer.Option(help="How much of the minute's ride.", min=1.0, max=DURATION_S)
+    ] = DURATION_S,
+    mode: ModeOption = None,
+    runs: Annotated[Path, typer.Option("--runs", help="Where the run folder is made.")] = Path(
+        "runs"
+    ),
+    seed: SeedOption = 0,
+    browser: Annotated[
+        bool, typer.Option("--open", help="Open the report in a browser at the end.")
+    ] = False,
+) -> None:
+    """Ride a simulated rig for a minute: no hardware, no root, no server.
+
+    Starts the simulated rig behind a CAN hub, the daemon with both its processes, and a client that streams
+    riding cues over Zenoh. Ends parked, with a recording and a page of plots. Ctrl-C parks, then leaves.
+    """
+    folder = (_ride_fast if fast else _ride)(rig, seconds, mode, runs, seed)
+    run = load_run(folder)
+    report = run_report(run, folder / "report.html")
+    for line in summary_lines(run):
+        out.print(line, markup=False, soft_wrap=True)
+    out.print(f"report     {report}", markup=False, soft_wrap=True)
+    if browser:
+        webbrowser.open(report.resolve().as_uri())
+
+
+def ride_cues(rig: RigFile, seconds: float) -> Iterator[Cue]:
+    """The built-in ride as a client would send it, times from 0."""
+    course = DemoRide(rig)
+    for k in range(round(seconds * CUE_HZ)):
+        at_s = k / CUE_HZ
+        poses = tuple(TimedPose(dt, course.pose(at_s + dt)) for dt in (0.0, 0.03, 0.06))
+        yield Cue("demo-ride", k, at_s, at_s, poses)
+
+
+def _ride_fast(name: str, seconds: float, mode: ModeName | None, runs: Path, seed: int) -> Path:
+    rig, text = rig_with(name, mode=mode, runs=runs)
+    started_s = time.monotonic()
+    with err.status(f"riding {rig.name} in simulated time"):
+        folder = record_ride(
+            rig,
+            text,
+            profiles_of(rig),
+            ride_cues(rig, seconds),
+            runs,
+            seed=seed,
+            note="hil demo --fast",
+        )
+    err.print(f"{seconds:g} s of riding took {time.monotonic() - started_s:.1f} s")
+    return folder
+
+
+def _ride(name: str, seconds: float, mode: ModeName | None, runs: Path, seed: int) -> Path:
+    rig, _ = rig_with(name, mode=mode)
+    runs.mkdir(parents=True, exist_ok=True)
+    before = set(runs.iterdir())
+    with (
+        tempfile.TemporaryDirectory(prefix="hil-demo-") as scratch,
+        Cast(rig, name, mode, runs, seed, Path(scratch)) as cast,
+    ):
+        cast.play(seconds)
+    made = sorted(set(runs.iterdir()) - before)
+    if not made:
+        raise HilError(f"the daemon left no recording in {runs}; what it said is above")
+    return made[-1]
+
+
+class Cast:
+    """The processes of the demo. Leaving it ends them, the daemon first: it parks."""
+
+    def __init__(
+        self,
+        rig: RigFile,
+        name: str,
+        mode: ModeName | None,
+        runs: Path,
+        seed: int,
+        scratch: Path,
+    ) -> None:
+        self._rig = rig
+        self._name = name
+        self._log = (scratch / "log.txt").open("w+")
+        self._endpoint = f"tcp/127.0.0.1:{free_port()}"
+        bus = f"hub:{scratch / 'bus.sock'}"
+        self._simulate = ["simulate", name, "--hub", "--can", bus, "--seed", str(seed)]
+        self._daemon = ["run", name, "--can", bus, "--listen", self._endpoint]
+        self._daemon += ["--runs", str(runs.resolve())]
+        if mode is not None:
+            self._daemon += ["--mode", mode.value]
+        self._socket = scratch / "bus.sock"
+        self._processes: list[subprocess.Popen[bytes]] = []
+
+    def __enter__(self) -> Cast:
+        try:
+            with err.status("starting rig and daemon (the first time, the model is compiled)"):
+                self._start(self._simulate)
+                self._wait(lambda: self._socket.exists(), "the simulated rig")
+                self._start(self._daemon)
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        for process in reversed(self._processes):
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(PARK_S)
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+        self._log.close()
+
+    def play(self, seconds: float) -> None:
+        """Arm, ride, park, disarm; Ctrl-C goes straight to parking."""
+        with self._client() as client:
+            view = LiveView(self._rig.name, self._rig.coordinates, self._rig.limits)
+            states, events = client.states(), client.events()
+            with _shown(view) as show:
+                rider = None
+                try:
+                    for state in states:
+                        view.add_state(state)
+                        for event in events.waiting():
+                            view.add_event(event)
+                        show(_progress(state.state, rider))
+                        if rider is None and state.state == "parked":
+                            self._command(client, "arm")
+                            rider = self._start(self._ride_for(seconds))
+                        elif _is_over(rider) and state.state not in MOVING:
+                            break
+                        if state.state in ("fault", "emergency"):
+                            raise HilError(f"the rig is in {state.state}: {state.fault}")
+                except KeyboardInterrupt:
+                    show("Ctrl-C: parking")
+
+    def _ride_for(self, seconds: float) -> list[str]:
+        return ["cue", "ride", self._name, "-e", self._endpoint, "--seconds", str(seconds)]
+
+    def _client(self) -> RigClient:
+        deadline_s = time.monotonic() + START_S
+        while True:
+            try:
+                return RigClient(self._rig.name, self._endpoint, name="demo").open()
+            except RigNotReached:
+                self._check()
+                if time.monotonic() > deadline_s:
+                    raise
+                time.sleep(0.2)
+
+    @staticmethod
+    def _command(client: RigClient, name: str) -> None:
+        reply = client.command(name)
+        if not reply.ok:
+            raise CommandRefused(f"{name} was refused: {reply.message}")
+
+    def _start(self, arguments: list[str]) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "hil", *arguments],
+            stdout=self._log,
+            stderr=self._log,
+            start_new_session=True,  # Ctrl-C is ours: we park before they go
+        )
+        self._processes.append(process)
+        return process
+
+    def _wait(self, is_there: Any, what: str) -> None:
+        deadline_s = time.monotonic() + START_S
+        while not is_there():
+            self._check()
+            if time.monotonic() > deadline_s:
+                raise HilError(f"{what} did not come up within {START_S:g} s")
+            time.sleep(0.05)
+
+    def _check(self) -> None:
+        for process in self._processes:
+            if process.poll() not in (None, 0):
+                said = Path(self._log.name).read_text().strip()
+                raise HilError(f"a process of the demo has ended; what was said:\n{said}")
+
+
+@contextlib.contextmanager
+def _shown(view: LiveView) -> Iterator[Any]:
+    """A function that shows the view: live in a terminal, else a line every five seconds."""
+    if out.is_terminal:
+        with Live(console=out, auto_refresh=False, transient=True) as live:
+            last_s = [0.0]
+
+            def draw(progress: str) -> None:
+                now_s = time.monotonic()
+                if now_s - last_s[0] > 0.1:
+                    last_s[0] = now_s
+                    live.update(view.render(progress), refresh=True)
+
+            yield draw
+        return
+    said = [0.0]
+
+    def say(progress: str) -> None:
+        now_s = time.monotonic()
+        if now_s - said[0] > 5.0:
+            said[0] = now_s
+            err.print(f"{progress}: {view.line()}", markup=False, soft_wrap=True)
+
+    yield say
+
+
+def _is_over(rider: subprocess.Popen[bytes] | None) -> bool:
+    return rider is not None and rider.poll() is not None
+
+
+def _progress(state: str, rider: subprocess.Popen[bytes] | None) -> str:
+    if rider is None:
+        return "waiting for the drives"
+    return f"ride over, {state}" if _is_over(rider) else "riding"
+
+
+def free_port() -> int:
+    """A TCP port of loopback that nobody uses now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

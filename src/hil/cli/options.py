@@ -1,0 +1,69 @@
+"""Options that several commands share, and the rig file with them applied."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from hil.config import RigFile
+from hil.configfile import find_rig_file, load_drive, load_rig, parse_settings, rig_toml
+from hil.drives.profile import LustProfile
+
+
+class ModeName(StrEnum):
+    """Control modes, for the command line."""
+
+    drive = "drive"
+    cascade = "cascade"
+    computed_torque = "computed_torque"
+
+
+CanOption = Annotated[
+    str | None,
+    typer.Option(
+        "--can",
+        help="Bus instead of the rig file's: socketcan:can0, hub:SOCKET_PATH, python-can:INTERFACE:CHANNEL.",
+    ),
+]
+ModeOption = Annotated[
+    ModeName | None, typer.Option("--mode", help="Control mode instead of the rig file's.")
+]
+ListenOption = Annotated[
+    str | None, typer.Option("--listen", help="Zenoh endpoint instead of the rig file's.")
+]
+RunsOption = Annotated[
+    Path | None, typer.Option("--runs", help="Folder for recordings instead of the rig file's.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", help="Seed of noise and jitter.", min=0)]
+
+
+def rig_with(
+    name: str,
+    *,
+    can: str | None = None,
+    mode: ModeName | None = None,
+    listen: str | None = None,
+    runs: Path | None = None,
+) -> tuple[RigFile, str]:
+    """The rig file `name` with what the command line says instead, and the text of that."""
+    rig = load_rig(name)
+    tables: dict[str, Any] = rig.model_dump()
+    if can is not None:
+        tables["can"]["url"] = can
+    if mode is not None:
+        tables["control"]["mode"] = mode.value
+    if listen is not None:
+        tables["zenoh"]["listen"] = (listen,)
+    if runs is not None:
+        tables["recording"]["folder"] = str(runs)
+    resolved = parse_settings(tables, RigFile, name)
+    return resolved, rig_toml(resolved, f"{find_rig_file(name)} with every default filled in")
+
+
+def profiles_of(rig: RigFile) -> dict[str, LustProfile]:
+    """The drive files that a rig names."""
+    names = {actuator.drive.profile for actuator in rig.actuators}
+    return {name: load_drive(name, LustProfile) for name in sorted(names)}
