@@ -12,7 +12,6 @@ from hil.rigs import build_rig
 from hil.sim.plant import Plant
 from tests.sim.rigs import changed, effect, frictionless, with_effects
 
-
 STEWART_STATIC = [630.3532, 912.2546, 860.5036, 864.9142, 940.4133, 654.2859]
 """N, leg forces at neutral of the reference set [V]: closed-chain oracles in the rigs' own tests."""
 

@@ -4,9 +4,9 @@ Drive model of the project's rigs [M: CDD3000 class drive]: setpoints arrive eac
 runs in a straight line to a new one over one T_c (`linear`), from the first position-loop tick after its
 arrival, or jumps (`hold`). `retimed`: setpoints wait in a queue and the drive takes one each T_c of its
 own clock, which starts one cycle after the first arrival, so send jitter below half a cycle does not show;
-where the next one has waited less (one before it was lost) the drive pauses a cycle. Law "pd": F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static
-("Towards Simulating a Mid-size Stewart Platform on a Large Hexapod Simulator", eqs (7)-(8), with damping
-on the speed error [R]).
+where the next one has waited less (one before it was lost) the drive pauses a cycle. Law "pd":
+F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static ("Towards Simulating a Mid-size Stewart Platform
+on a Large Hexapod Simulator", eqs (7)-(8), with damping on the speed error [R]).
 
 Mode off: no current; the holding brake is closed and acts as friction of F_max. It opens when the drive
 is enabled with position setpoints at once, with force setpoints at the first of them.

@@ -152,8 +152,7 @@ def rest(model, target, modes, q_guess, state):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def tick(model, act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu, st, tail, w, mats,
-         force, small, with_imu):  # type: ignore[no-untyped-def]  # fmt: skip
+def tick(model, act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu, st, tail, w, mats, force, small, with_imu):  # type: ignore[no-untyped-def]  # noqa: E501  # fmt: skip
     """From the tick the state stands at to the next.
 
     `w`, `mats`, `force` (2, n) are scratch; `small` (34,): filter coefficients (4), motion (24), input (6).

@@ -64,7 +64,7 @@ class Twin:
 
         `setpoints`: by actuator, send instants and values (m, or N in mode "force"). `samples`: by signal,
         the stamps at which its answers were received, s (for `pose.*` the instants themselves). `start`:
-        actuator positions at rest before the first setpoint; default: the first setpoints in mode
+        the positions that the drives held before the first setpoint; default: the first setpoints in mode
         "position", home in mode "force". `guess`: a pose near the start, default neutral. RunError names
         a signal whose stamps run back or that does not exist.
         """
