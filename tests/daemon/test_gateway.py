@@ -330,6 +330,35 @@ def test_when_control_dies_clients_are_told_and_the_gateway_leaves(tmp_path, sta
     assert events[-1]["severity"] == ("fault" if code else "info")
 
 
+def test_the_last_words_of_control_are_passed_on_and_recorded(tmp_path):
+    """More than one reading of the socket holds, sent right before control dies."""
+    with gateway(tmp_path) as running, plain(running.endpoint) as client:
+        events = client.subscribe("event")
+        time.sleep(0.02)
+        for k in range(300):
+            running.control.channel.send(EventRecord(time.monotonic(), "info", f"word_{k}", ""))
+        running.control.die()
+        until(lambda: "control_gone" in names(events))
+        until(lambda: running.result is not None)
+    assert [name for name in names(events) if name.startswith("word")] == [
+        f"word_{k}" for k in range(300)
+    ]
+    (run,) = (tmp_path / "runs").iterdir()
+    kept = [json.loads(line)["name"] for line in (run / "events.jsonl").read_text().splitlines()]
+    assert kept[-2:] == ["word_299", "control_gone"]
+    assert "ended" in (run / "run.toml").read_text()
+
+
+def test_a_control_process_that_hangs_is_reported_once_and_when_it_is_back(running, client):
+    events = client.subscribe("event")
+    time.sleep(0.02)
+    running.control.state("parked")
+    until(lambda: "control_silent" in names(events))
+    running.control.state("parked")
+    until(lambda: "control_back" in names(events))
+    assert names(events).count("control_silent") == 1
+
+
 def test_rubbish_from_control_is_counted_and_survived(running, client):
     events = client.subscribe("event")
     time.sleep(0.02)
