@@ -147,7 +147,26 @@ def test_frames_of_others_leave_no_trace(frame: Frame) -> None:
     x.enable()
     before = x.bus[0].status
     x.inject(frame)
+    assert x.bus[0].on_frame(x.now_s, frame) == []
     assert x.bus[0].status == before
+
+
+def test_no_system_frame_goes_out_while_a_drive_is_enabled() -> None:
+    """One drive vanishes and is reset; System Stop would take the power from the two that carry on."""
+    x = Exchange(RIG)
+    x.enable()
+    x.drives[0].silence()
+    x.run(0.5, PowerGoal.ON)
+    bus, count = x.bus, len(x.sent)
+    for k in range(100):
+        now_s = x.now_s + 0.01 * k
+        assert bus.on_cycle(now_s) == []
+        bus[0].on_slot(now_s, PowerGoal.RESET, None)
+        for i in (1, 2):
+            bus[i].on_slot(now_s, PowerGoal.ON, None)
+            bus.on_frame(now_s, Frame(0x372 + i, bytes.fromhex("3702010000000000")))
+    assert [d.phase for d in bus] == [DrivePhase.ABSENT, DrivePhase.ENABLED, DrivePhase.ENABLED]
+    assert len(x.sent) == count
 
 
 def test_an_answer_to_a_question_not_asked_makes_no_sample() -> None:

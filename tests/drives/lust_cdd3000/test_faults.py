@@ -97,6 +97,7 @@ def test_an_error_frame_without_address_concerns_every_drive() -> None:
     x.inject(Frame(0x1B9, bytes([33, 0, 0, 0, 0, 0, 0, 0])))
     for i in range(3):
         assert "E-LSW" in fault(x, i)
+    assert len(x.named("course_limitation")) == 3
 
 
 def test_what_is_told_during_a_fault_is_added_once() -> None:
