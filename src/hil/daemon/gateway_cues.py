@@ -46,6 +46,7 @@ class CueInlet:
                 raise ProtocolError(f"cue: {MOST_CLIENTS} other clients send cues already")
         left, at_s = self._budgets.get(client, (BURST, now_s))
         left = min(BURST, left + (now_s - at_s) * RATE_HZ)
-        self._budgets[client] = (max(0.0, left - 1.0), now_s)
-        if left < 1.0:
+        is_granted = left >= 1.0
+        self._budgets[client] = (left - is_granted, now_s)
+        if not is_granted:
             raise ProtocolError(f"cue: more than {RATE_HZ:.0f} a second from one client")

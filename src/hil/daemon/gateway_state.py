@@ -51,7 +51,7 @@ class Decimator:
     def lets(self, t_s: float) -> bool:
         """Whether the value of `t_s` is due. A quarter of a period early counts: clocks jitter."""
         early_s = self._due_s - t_s
-        if 0.25 * self._period_s < early_s <= self._period_s:
+        if 0.25 * self._period_s < early_s <= 2.0 * self._period_s:  # earlier: the clock was set
             return False
         is_on_time = abs(early_s) < self._period_s
         self._due_s = (self._due_s if is_on_time else t_s) + self._period_s
