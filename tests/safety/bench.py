@@ -1,8 +1,9 @@
 """A rig of round numbers for the gate, with frames whose bytes are read at a glance.
 
 Every limit is exact in binary floating point, so "just inside, at, just outside" mean what they say.
-Cycle 1 s, velocity_max 20 (so 21 pass), acceleration_max 20 (21 per cycle and one increment's rounding
-2·2**-10), following_error 50, stroke less margin -100..100, force_max 64, measurements fresh for 5 s.
+In cycles of half a second: velocity_max 20 per cycle (so 21 pass), acceleration_max 20 per cycle² (21 pass,
+and two increments' rounding, 2**-9), following_error 50, stroke less margin -100..100, force_max 64,
+measurements fresh for 5 cycles.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from hil.safety.rules import DriveLimits, GateLimits
 ON, FORCE, OFF, REQUEST, SYSTEM = 0x100, 0x180, 0x200, 0x300, 0x080
 START, STOP = b"\x01", b"\x00"
 EPS = 2.0**-20
+CYCLE_S = 0.5
 
 
 class BenchMeaning:
@@ -43,7 +45,8 @@ class BenchMeaning:
             kind = "position" if base == ON else "force"
             return Meaning(Ask.POWER_ON, i, kind=kind, setpoint=struct.unpack("<d", data)[0])  # type: ignore[arg-type]
         if base == OFF:
-            return Meaning(Ask.POWER_OFF if data == b"\x00" else Ask.FAULT_RESET, i)
+            asks = {b"\x00": Ask.POWER_OFF, b"\x01": Ask.FAULT_RESET, b"\x02": Ask.POWER_ON}
+            return Meaning(asks[data], i)
         return Meaning(Ask.WRITE if data[0] else Ask.READ, i, parameter=data[1])
 
 
@@ -53,8 +56,8 @@ def limits(kind: str = "position", **changed: Any) -> GateLimits:
         "kind": kind,
         "low_m": -100.0,
         "high_m": 100.0,
-        "velocity_max": 20.0,
-        "acceleration_max": 20.0,
+        "velocity_max": 20.0 / CYCLE_S,
+        "acceleration_max": 20.0 / CYCLE_S**2,
         "force_max_n": 64.0,
         "following_error_m": 50.0,
         "resolution_m": 2.0**-10,
@@ -62,8 +65,8 @@ def limits(kind: str = "position", **changed: Any) -> GateLimits:
     }
     return GateLimits(
         drives=tuple(DriveLimits(name=name, **values) for name in ("left", "right")),
-        cycle_s=1.0,
-        fresh_s=5.0,
+        cycle_s=CYCLE_S,
+        fresh_s=5.0 * CYCLE_S,
     )
 
 
@@ -81,6 +84,11 @@ def off(i: int = 0) -> Frame:
 
 def reset(i: int = 0) -> Frame:
     return Frame(OFF + i, b"\x01")
+
+
+def bare_on(i: int = 0) -> Frame:
+    """Power on without a setpoint."""
+    return Frame(OFF + i, b"\x02")
 
 
 def read(number: int, i: int = 0) -> Frame:

@@ -1,22 +1,24 @@
 """The gate's boundary table: what is done, and what each sent frame must come to.
 
 A case is a list of steps: ("arm",), ("disarm",), ("permit", numbers), ("at", i, value, t) for a measured
-position, and ("send", t, frame, rule or None). test_gate.py runs it against the gate, test_mutations.py
-against every mutant of it.
+position, and ("send", t, frame, rule or None); t in cycles. test_gate.py runs it against the gate,
+test_mutations.py against every mutant of it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from hil.frames import Frame
 from tests.safety.bench import (
+    CYCLE_S,
     EPS,
     START,
     STOP,
+    bare_on,
     force,
     off,
     on,
@@ -36,6 +38,7 @@ class Case:
     steps: Sequence[Step]
     kind: str = "position"
     read_only: bool = False
+    limits: Mapping[str, float] = field(default_factory=dict)
 
 
 def ok(t: float, frame: Frame) -> Step:
@@ -62,7 +65,10 @@ def motion(*points: tuple[float, float, str | None]) -> list[Step]:
 
 
 A = 21.0 + 2.0**-9
-"""Largest change of speed from one cycle to the next: 1.05 · 20 and two increments' rounding."""
+"""Largest change of travel from one cycle to the next: 1.05 · 20 and two increments' rounding."""
+
+SLUGGISH = {"acceleration_max": 10.0 / CYCLE_S**2}
+"""Half the acceleration."""
 
 CASES = [
     # -- forms -------------------------------------------------------------------------------------------
@@ -82,6 +88,10 @@ CASES = [
         ok(0.0, off()), ok(0.0, system(STOP)), ok(0.0, read(200)), ok(0.5, write(7)), ok(0.5, reset()),
     ]),
     Case("at boot no power", [("at", 0, 0.0, 0.0), no(0.0, on(0.0), "disarmed")]),
+    Case("no power without a setpoint, armed or not", [
+        no(0.0, bare_on(), "unknown_meaning"), ("arm",), ("at", 0, 0.0, 0.0),
+        no(0.0, bare_on(), "unknown_meaning"),
+    ]),
     Case("disarmed again no power", [
         *first(0.0, None), ("disarm",), no(11.0, on(0.0), "disarmed"),
     ]),
@@ -136,6 +146,9 @@ CASES = [
         ok(0.0, read(1)), no(0.25 - EPS, read(1), "duplicate"),
     ]),
     Case("the same frame again, late enough", [ok(0.0, read(1)), ok(0.25, read(1))]),
+    Case("the same as the last frame, not as the first", [
+        ok(0.0, read(1)), ok(1.0, read(2)), no(1.125, read(2), "duplicate"), ok(1.125, read(1)),
+    ]),
     Case("another frame at once", [ok(0.0, read(1)), ok(0.0, read(2)), ok(0.0, read(1))]),
     Case("the same frame on another identifier", [ok(0.0, read(1)), ok(0.0, read(1, 1))]),
     # -- measured ----------------------------------------------------------------------------------------
@@ -187,10 +200,14 @@ CASES = [
     Case("after a late frame the schedule is found again", motion(
         (0.0, 0.0, None), (1.75, 0.0, None), (2.0, 1.0, None), (4.0, 43.0, None))),
     Case("but not as if nothing had been made up", motion(
-        (0.0, 0.0, None), (1.75, 0.0, None), (2.0, 1.0, None), (3.9375, 43.0, "speed"))),
+        (0.0, 0.0, None), (1.75, 0.0, None), (2.0, 1.0, None), (3.998, 43.0, "speed"))),
     Case("a late frame's schedule stays its own", motion(
         (0.0, 0.0, None), (1.75, 1.0, None), (3.5 - EPS, 43.0, "speed"))),
     # -- acceleration --------------------------------------------------------------------------------------
+    Case("from rest as suddenly as may be", first(10.5 + 2.0**-9, None), limits=SLUGGISH),
+    Case("from rest a little more suddenly", first(10.5 + 2.0**-9 + EPS, "acceleration"), limits=SLUGGISH),
+    Case("from rest downwards a little more suddenly", first(-10.5 - 2.0**-9 - EPS, "acceleration"),
+         limits=SLUGGISH),
     Case("reversed as suddenly as may be", motion((0.0, 10.5, None), (1.0, 21.0 - A, None))),
     Case("reversed a little more suddenly", motion((0.0, 10.5, None), (1.0, 21.0 - A - EPS, "acceleration"))),
     Case("reversed upwards a little more suddenly", motion(
@@ -255,9 +272,9 @@ def run(case: Case, gate: Any) -> list[str]:
             case ("permit", numbers):
                 gate.permit_writes(numbers)
             case ("at", i, value, t):
-                gate.measured(i, value, t)
+                gate.measured(i, value, t * CYCLE_S)
             case ("send", t, frame, expected):
-                verdict = gate.pass_frame(t, frame)
+                verdict = gate.pass_frame(t * CYCLE_S, frame)
                 rule = None if verdict.rule is None else verdict.rule.value
                 if rule != expected or verdict.ok is not (expected is None):
                     wrong.append(f"step {number}: {frame} at {t}: {rule}, expected {expected}")

@@ -12,7 +12,7 @@ from tests.safety.gate_cases import CASES, Case, run
 
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
 def test_boundary(case: Case) -> None:
-    gate = Gate(limits(case.kind), BenchMeaning(), read_only=case.read_only)
+    gate = Gate(limits(case.kind, **case.limits), BenchMeaning(), read_only=case.read_only)
     assert run(case, gate) == []
 
 
@@ -32,7 +32,7 @@ def test_refusals_are_counted_by_rule_and_named_with_frame_and_drive() -> None:
     assert gate.refused == {Rule.SPEED: 1, Rule.WRITE_PARAMETER: 2}
     assert gate.passed == 1
     assert "right" in verdict.text
-    assert "30.0000 /s" in verdict.text
+    assert "60.0000 /s" in verdict.text
 
 
 def test_refusals_are_findings_once_and_harmless_ones_are_not() -> None:

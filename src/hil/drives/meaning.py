@@ -28,7 +28,7 @@ class Ask(Enum):
     POWER_OFF = "power_off"
     """One drive without force: disabled, stopped, or ready to be switched on. Its reference moves nothing."""
     POWER_ON = "power_on"
-    """One drive's power stage on or towards on, with a setpoint where the frame carries one."""
+    """One drive's power stage on or towards on, with a setpoint: without one it goes nowhere."""
     FAULT_RESET = "fault_reset"
     """One drive's latched error cleared; its power stage stays off."""
     SYSTEM_START = "system_start"

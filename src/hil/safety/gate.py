@@ -162,8 +162,8 @@ class Gate:
                 if not self._armed and not all(self._is_off):
                     return Broken(Rule.START_UNARMED, "not every drive has been told to be off")
                 return None
-            case Ask.POWER_ON if meaning.actuator is not None:
-                return self._judge_power_on(now_s, meaning, meaning.actuator)
+            case Ask.POWER_ON if meaning.actuator is not None and meaning.setpoint is not None:
+                return self._judge_power_on(now_s, meaning, meaning.actuator, meaning.setpoint)
             case _:
                 return Broken(Rule.UNKNOWN_MEANING, meaning.text or "it asks nothing that is known")
 
@@ -177,13 +177,14 @@ class Gate:
             )
         return None
 
-    def _judge_power_on(self, now_s: float, meaning: Meaning, i: int) -> Broken | None:
+    def _judge_power_on(
+        self, now_s: float, meaning: Meaning, i: int, setpoint: float
+    ) -> Broken | None:
         if not self._armed:
             return Broken(Rule.DISARMED, "the rig is not armed")
-        if meaning.setpoint is not None:
-            broken = self._judge_setpoint(now_s, meaning, i, meaning.setpoint)
-            if broken is not None:
-                return Broken(broken.rule, f"{self.limits.drives[i].name}: {broken.text}")
+        broken = self._judge_setpoint(now_s, meaning, i, setpoint)
+        if broken is not None:
+            return Broken(broken.rule, f"{self.limits.drives[i].name}: {broken.text}")
         self._is_off[i] = False
         return None
 

@@ -145,10 +145,13 @@ def judge_position(
             f"setpoint {value:.5f} is {abs(value - measured.value):.5f} from the measured "
             f"{measured.value:.5f}, {limits.following_error_m:g} allowed (following_error)",
         )
-    before = last or Passed(measured.value, 0.0, now_s - cycle_s, now_s - cycle_s)
-    cycles = max(1, round((now_s - before.slot_s) / cycle_s))
-    slowest = (value - before.value) / (cycles * cycle_s)
-    fastest = (value - before.value) / cycle_s
+    if last is None:
+        value_before, speed_before, slot_before_s = measured.value, 0.0, now_s - cycle_s
+    else:
+        value_before, speed_before, slot_before_s, _ = last
+    cycles = max(1, round((now_s - slot_before_s) / cycle_s))
+    slowest = (value - value_before) / (cycles * cycle_s)
+    fastest = (value - value_before) / cycle_s
     top = limits.velocity_max * SLACK
     if not abs(slowest) <= top:
         return Broken(
@@ -156,15 +159,15 @@ def judge_position(
             f"setpoint asks for {abs(slowest):.4f} /s, {top:.4f} /s allowed (velocity_max)",
         )
     low, high = min(slowest, fastest), max(slowest, fastest)
-    speed = min(max(before.speed, low), high)
+    speed = min(max(speed_before, low), high)
     sudden = (
         limits.acceleration_max * SLACK * cycles * cycle_s + 2.0 * limits.resolution_m / cycle_s
     )
-    if not abs(speed - before.speed) <= sudden:
+    if not abs(speed - speed_before) <= sudden:
         return Broken(
             Rule.ACCELERATION,
-            f"setpoint changes speed from {before.speed:.4f} to {speed:.4f} /s at once, "
+            f"setpoint changes speed from {speed_before:.4f} to {speed:.4f} /s at once, "
             f"{sudden:.4f} allowed (acceleration_max)",
         )
-    slot_s = min(before.slot_s + cycles * cycle_s, now_s + RESYNC_CYCLES * cycle_s)
+    slot_s = min(slot_before_s + cycles * cycle_s, now_s + RESYNC_CYCLES * cycle_s)
     return Passed(value, speed, slot_s, now_s)
