@@ -133,7 +133,7 @@ def check_table(table: pd.DataFrame, source: str, rig: RigFile | None) -> pd.Dat
     check_signals(names, source, rig)
     if len(table) < 2 or not names:
         raise RunError(f"{source}: holds {len(table)} rows of {len(names)} signals, that is no run")
-    numbers = {"t": _numbers(table["t"], source, "t"), **_all_numbers(table, names, source)}
+    numbers = {"t": finite_numbers(table["t"], source, "t"), **_all_numbers(table, names, source)}
     if np.isnan(numbers["t"]).any():
         row = int(np.flatnonzero(np.isnan(numbers["t"]))[0]) + 1
         raise RunError(f"{source}: column t, row {row}: is empty")
@@ -149,10 +149,11 @@ def check_table(table: pd.DataFrame, source: str, rig: RigFile | None) -> pd.Dat
 
 
 def _all_numbers(table: pd.DataFrame, names: list[str], source: str) -> dict[str, np.ndarray]:
-    return {name: _numbers(table[name], source, name) for name in names}
+    return {name: finite_numbers(table[name], source, name) for name in names}
 
 
-def _numbers(column: pd.Series, source: str, name: str) -> np.ndarray:
+def finite_numbers(column: pd.Series, source: str, name: str) -> np.ndarray:
+    """`column` as float64, NaN where empty; RunError where a cell is no finite number."""
     values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
     wrong = np.flatnonzero((np.isnan(values) & column.notna().to_numpy()) | np.isinf(values))
     if wrong.size:

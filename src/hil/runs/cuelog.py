@@ -1,0 +1,161 @@
+"""Turns a foreign log (CSV, also compressed, or parquet) into a cue trajectory by a `CueMap`.
+
+What is done: unit and scale, a uniform rate, the low-pass that the map asks for, then the pose itself
+or its washout. What is not: limits. `hil.control.trajectory.fit` brings the result inside those of
+the rig and says how.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import pyarrow as pa
+
+from hil.config import RigFile
+from hil.control.trajectory import UNIFORM, CueTrajectory
+from hil.control.washout import Washout, WashoutSettings
+from hil.errors import RunError
+from hil.runs.cuemap import TIME_UNITS, Channel, CueMap
+from hil.runs.table import check_increasing, finite_numbers
+
+Array = npt.NDArray[np.float64]
+
+_TILTED_BY: Final = {"pitch": 0, "surge": 0, "roll": 1, "sway": 1, "heave": 2}
+"""Axis (x forward, y left, z up) of the acceleration that moves a coordinate."""
+_TURNED_BY: Final = {"roll": 0, "pitch": 1, "yaw": 2}
+
+SPEED_LOW_PASS_HZ: Final = 1.0
+"""A speed is smoothed so before it is differentiated, unless its channel says otherwise: wheel
+sensors step, and a step of speed is a spike of acceleration."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedCue:
+    """A trajectory made of a log, and a line for each thing that was done to it."""
+
+    trajectory: CueTrajectory
+    notes: tuple[str, ...]
+
+
+def cue_from_log(
+    path: Path, cue_map: CueMap, rig: RigFile, rate_hz: float | None = None
+) -> ImportedCue:
+    """The log at `path` as a trajectory of `rig`'s coordinates, from t = 0 on.
+
+    `rate_hz`: sampling rate of a log without a time column, before the map's own. Raises RunError
+    where the log cannot be read or does not hold what the map names: file, column and row.
+    """
+    for c in cue_map.channel:
+        if c.coordinate not in rig.coordinates:
+            raise RunError(
+                f"the map moves {c.coordinate!r}, but the rig {rig.name!r} has only "
+                f"{', '.join(rig.coordinates)}"
+            )
+    log = _read(path)
+    t = _time(log, cue_map, path, rate_hz)
+    notes = [f"from {path.name}, SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()}"]
+    parts: list[CueTrajectory] = []
+    for c in cue_map.channel:
+        source = CueTrajectory((c.column,), t, _column(log, c.column, path)[:, None] * c.factor)
+        moved, what = _moved(_even(source), c)
+        parts.append(moved)
+        notes.append(f"{c.coordinate}: {c.column} in {c.unit} times {c.scale:g}, {what}")
+    poses = np.zeros((len(parts[0].t_s), len(rig.coordinates)))
+    for c, part in zip(cue_map.channel, parts, strict=True):
+        poses[:, rig.coordinates.index(c.coordinate)] += part.poses[:, 0]
+    still = [c for c in rig.coordinates if c not in {m.coordinate for m in cue_map.channel}]
+    if still:
+        notes.append(f"{', '.join(still)}: not in the map, kept at 0")
+    return ImportedCue(CueTrajectory(rig.coordinates, parts[0].t_s, poses), tuple(notes))
+
+
+def _read(path: Path) -> pd.DataFrame:
+    if not path.is_file():
+        raise RunError(f"{path}: no such file")
+    try:
+        if path.suffix == ".parquet":
+            return pd.read_parquet(path)
+        return pd.read_csv(path, sep=_separator(path), skipinitialspace=True, comment="#")
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise RunError(f"{path}: is no table of comma-separated values: {error}") from error
+    except (pa.ArrowException, OSError, EOFError) as error:
+        raise RunError(f"{path}: cannot be read: {error}") from error
+
+
+def _separator(path: Path) -> str:
+    """The one of comma, semicolon, tab that the header holds most of."""
+    with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as stream:
+        header = next((line for line in stream if not line.startswith("#")), "")
+    return max((",", ";", "\t"), key=header.count)
+
+
+def _time(log: pd.DataFrame, cue_map: CueMap, path: Path, rate_hz: float | None) -> Array:
+    """Seconds from the first row on."""
+    if cue_map.time is not None:
+        t = _column(log, cue_map.time.column, path) * TIME_UNITS[cue_map.time.unit]
+        check_increasing(t, f"{path}: column {cue_map.time.column}", "row", strictly=True)
+        return np.asarray(t - t[0])
+    rate = rate_hz or cue_map.rate_hz
+    if rate is None:
+        raise RunError(
+            f"{path}: say when its rows were taken: a time column (t=COLUMN:s in the map) or a rate"
+        )
+    return np.arange(len(log)) / rate
+
+
+def _column(log: pd.DataFrame, name: str, path: Path) -> Array:
+    if name not in log.columns:
+        known = ", ".join(map(str, log.columns))
+        raise RunError(f"{path}: has no column {name!r}; it has {known}")
+    values = finite_numbers(log[name], str(path), name)
+    empty = np.flatnonzero(np.isnan(values))
+    if empty.size:
+        raise RunError(f"{path}: column {name}, row {int(empty[0]) + 1}: is empty")
+    if len(values) < 2:
+        raise RunError(f"{path}: has {len(values)} rows, that is no ride")
+    return values
+
+
+def _even(trajectory: CueTrajectory) -> CueTrajectory:
+    """Evenly spaced: filters and washout step at a fixed interval."""
+    steps = np.diff(trajectory.t_s)
+    if np.ptp(steps) <= UNIFORM * np.mean(steps):
+        return trajectory
+    return trajectory.resampled(float(1.0 / np.median(steps)))
+
+
+def _moved(source: CueTrajectory, c: Channel) -> tuple[CueTrajectory, str]:
+    """The channel as a part of its coordinate, and what was done to it in words."""
+    words = []
+    low_pass = c.low_pass_hz or (SPEED_LOW_PASS_HZ if c.kind == "speed" else None)
+    if low_pass is not None:
+        source = source.low_passed(low_pass)
+        words.append(f"low-passed at {low_pass:g} Hz")
+    if c.kind in ("angle", "length"):
+        return source, ", ".join([*words, "as it is"])
+    values = source.poses[:, 0]
+    if c.kind == "speed":
+        values = np.gradient(values, source.step_s)
+        words.append("differentiated")
+    washed = _washed(values, c, source.step_s)
+    is_tilt = c.kind != "rate" and c.coordinate in ("pitch", "roll")
+    words.append("felt as tilt" if is_tilt else "washed out")
+    return replace(source, poses=washed[:, None]), ", ".join(words)
+
+
+def _washed(values: Array, c: Channel, dt_s: float) -> Array:
+    """Pose (m,) of one coordinate when one acceleration or rate (m,) alone moves the vehicle."""
+    washout = Washout((c.coordinate,), dt_s, WashoutSettings(gain=1.0))
+    inputs = np.zeros((len(values), 2, 3))
+    if c.kind == "rate":
+        inputs[:, 1, _TURNED_BY[c.coordinate]] = values
+    else:
+        inputs[:, 0, _TILTED_BY[c.coordinate]] = values
+    return np.array([washout.step(acceleration, omega)[0] for acceleration, omega in inputs])
