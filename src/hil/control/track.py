@@ -159,16 +159,16 @@ class CueTrack:
         if len(back) < 2:
             return velocity, acceleration
         jumps = np.abs(np.diff(poses, axis=0) / np.diff(back)[:, None]) > self._velocity_max
-        for k in range(n):
-            since = int(np.flatnonzero(jumps[:, k])[-1]) + 1 if jumps[:, k].any() else 0
-            t, p = back[since:], poses[since:, k] - poses[-1, k]
+        since = np.where(jumps, np.arange(1, len(back))[:, None], 0).max(axis=0)
+        for first in set(since.tolist()):
+            t, same = back[first:], since == first
+            p = poses[first:, same] - poses[-1, same]
             if len(t) == 2:
-                velocity[k] = p[0] / t[0]
+                velocity[same] = p[0] / t[0]
             elif len(t) > 2:
-                fit = np.linalg.lstsq(
-                    np.stack([np.ones_like(t), t, 0.5 * t * t], 1), p, rcond=None
-                )[0]
-                velocity[k], acceleration[k] = fit[1], fit[2]
+                powers = np.stack([np.ones_like(t), t, 0.5 * t * t], axis=1)
+                fit = np.linalg.lstsq(powers, p, rcond=None)[0]
+                velocity[same], acceleration[same] = fit[1], fit[2]
         return velocity, acceleration
 
     def _beyond(self, t_s: float) -> tuple[Vector, Vector, Vector]:
