@@ -5,6 +5,7 @@ Pure: time and measurements are handed in. What is a safety function and what is
 
 from hil.safety.conditions import Command, Request, RigInputs, StateSettings, state_settings
 from hil.safety.gate import Gate, Verdict
+from hil.safety.monitor import Monitor
 from hil.safety.reactions import REACTIONS, Cause, Finding, Reaction, finding_of
 from hil.safety.rigstate import MotionGoal, RigState, StateName
 from hil.safety.rulenames import Rule
@@ -18,6 +19,7 @@ __all__ = [
     "Finding",
     "Gate",
     "GateLimits",
+    "Monitor",
     "MotionGoal",
     "Reaction",
     "Request",
