@@ -21,7 +21,7 @@ MANIPULATOR = build_rig(RIG)
 CONTROLLERS = {"cascade": Cascade, "computed_torque": ComputedTorque}
 
 
-@pytest.mark.parametrize("name", ["axis", "motorcycle"])
+@pytest.mark.parametrize("name", ["axis", "motorcycle", "stewart", "stewart_pd", "simona"])
 @pytest.mark.parametrize("mode", ["drive", "cascade", "computed_torque"])
 def test_shipped_rigs_are_stable_in_every_mode(name, mode):
     rig = with_control(load_rig(name), mode=mode)
