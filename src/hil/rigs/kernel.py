@@ -107,6 +107,21 @@ def twist_terms(kind, geometry, body, legs, gravity, R, k, Mw, hw, rho, Jw, jw):
 
 
 @compiled
+def scratch(n):  # type: ignore[no-untyped-def]
+    """Memory that `terms_in` works in; afterwards R, A and k of `platform_twist` come first in it."""
+    return (
+        np.empty((3, 3)),
+        np.empty((6, n)),
+        np.empty(15),
+        np.empty((6, 6)),
+        np.empty(6),
+        np.empty((n, 6)),
+        np.empty(n),
+        np.empty((6, n)),
+    )
+
+
+@compiled
 def terms(kind, geometry, body, legs, gravity, q, qd, M, h, rho, J, jdqd):  # type: ignore[no-untyped-def]
     """M(q) qdd + h(q, qd) = J^T F, rho(q), rho_dot = J qd, rho_ddot = J qdd + jdqd.
 
@@ -114,15 +129,15 @@ def terms(kind, geometry, body, legs, gravity, q, qd, M, h, rho, J, jdqd):  # ty
     M (n,n), h (n,), rho (n,), J (n,n), jdqd (n,): platform and leg masses, WITHOUT reflected rotor
     masses m_r, which add J^T m_r J to M and J^T m_r jdqd to h.
     """
+    memory = scratch(q.shape[0])
+    terms_in(memory, kind, geometry, body, legs, gravity, q, qd, M, h, rho, J, jdqd)
+
+
+@compiled
+def terms_in(memory, kind, geometry, body, legs, gravity, q, qd, M, h, rho, J, jdqd):  # type: ignore[no-untyped-def]
+    """As `terms`, in memory that a caller of many steps keeps (`scratch`): allocations cost as much as it."""
     n = q.shape[0]
-    R, A, k = np.empty((3, 3)), np.empty((6, n)), np.empty(15)
-    Mw, hw, Jw, jw, X = (
-        np.empty((6, 6)),
-        np.empty(6),
-        np.empty((n, 6)),
-        np.empty(n),
-        np.empty((6, n)),
-    )
+    R, A, k, Mw, hw, Jw, jw, X = memory
     platform_twist(kind, geometry, q, qd, R, A, k)
     if kind in (AXIS, PENDULUM):
         rho[0] = q[0]

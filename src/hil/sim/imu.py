@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from hil.compiled import compiled
-from hil.rigs.kernel import platform_motion
 
 
 @compiled
@@ -22,30 +19,42 @@ def group_delay_s(bandwidth_hz):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def measure(kind, geometry, gravity, imu, q, qd, qdd, motion, out):  # type: ignore[no-untyped-def]
-    """Rate (rad/s) and specific force (m/s^2) in the sensor frame into out (6,); `motion` (24,) scratch.
+def measure(R, A, k, gravity, imu, qd, qdd, out):  # type: ignore[no-untyped-def]
+    """Rate (rad/s) and specific force (m/s^2) in the sensor frame into out (6,).
 
-    f = R^T (a - g), a = a_O + omega' x r + omega x (omega x r), r = R p, p the sensor in the platform frame.
+    R, A, k of `rigs.twist.platform_twist`: W = A qd, Wd = A qdd + k[9:15]. f = R^T (a - g) with
+    a = a_O + omega' x r + omega x (omega x r), r = R p, p the sensor in the platform frame.
     """
-    motion[:] = 0.0
-    platform_motion(kind, geometry, q, qd, qdd, motion)
-    w0, w1, w2 = motion[15], motion[16], motion[17]
-    d0, d1, d2 = motion[21], motion[22], motion[23]
-    r = np.empty(3)
+    n = qd.shape[0]
+    w0, w1, w2 = 0.0, 0.0, 0.0
+    f0, f1, f2 = k[9] - gravity[0], k[10] - gravity[1], k[11] - gravity[2]
+    d0, d1, d2 = k[12], k[13], k[14]
+    for j in range(n):
+        w0 += A[3, j] * qd[j]
+        w1 += A[4, j] * qd[j]
+        w2 += A[5, j] * qd[j]
+        f0 += A[0, j] * qdd[j]
+        f1 += A[1, j] * qdd[j]
+        f2 += A[2, j] * qdd[j]
+        d0 += A[3, j] * qdd[j]
+        d1 += A[4, j] * qdd[j]
+        d2 += A[5, j] * qdd[j]
+    r0 = R[0, 0] * imu[0] + R[0, 1] * imu[1] + R[0, 2] * imu[2]
+    r1 = R[1, 0] * imu[0] + R[1, 1] * imu[1] + R[1, 2] * imu[2]
+    r2 = R[2, 0] * imu[0] + R[2, 1] * imu[1] + R[2, 2] * imu[2]
+    v0, v1, v2 = w1 * r2 - w2 * r1, w2 * r0 - w0 * r2, w0 * r1 - w1 * r0
+    f0 += d1 * r2 - d2 * r1 + w1 * v2 - w2 * v1
+    f1 += d2 * r0 - d0 * r2 + w2 * v0 - w0 * v2
+    f2 += d0 * r1 - d1 * r0 + w0 * v1 - w1 * v0
     for a in range(3):
-        r[a] = motion[3 * a] * imu[0] + motion[3 * a + 1] * imu[1] + motion[3 * a + 2] * imu[2]
-    v0, v1, v2 = w1 * r[2] - w2 * r[1], w2 * r[0] - w0 * r[2], w0 * r[1] - w1 * r[0]
-    f0 = motion[18] - gravity[0] + d1 * r[2] - d2 * r[1] + w1 * v2 - w2 * v1
-    f1 = motion[19] - gravity[1] + d2 * r[0] - d0 * r[2] + w2 * v0 - w0 * v2
-    f2 = motion[20] - gravity[2] + d0 * r[1] - d1 * r[0] + w0 * v1 - w1 * v0
-    for a in range(3):  # into the platform frame
-        r[a] = motion[a] * f0 + motion[3 + a] * f1 + motion[6 + a] * f2
-    g0 = motion[0] * w0 + motion[3] * w1 + motion[6] * w2
-    g1 = motion[1] * w0 + motion[4] * w1 + motion[7] * w2
-    g2 = motion[2] * w0 + motion[5] * w1 + motion[8] * w2
-    for a in range(3):  # and the sensor frame
-        out[a] = imu[3 + a] * g0 + imu[6 + a] * g1 + imu[9 + a] * g2
-        out[3 + a] = imu[3 + a] * r[0] + imu[6 + a] * r[1] + imu[9 + a] * r[2]
+        out[a] = 0.0
+        out[3 + a] = 0.0
+    for b in range(3):  # into the platform frame, then the sensor's
+        rate = R[0, b] * w0 + R[1, b] * w1 + R[2, b] * w2
+        specific = R[0, b] * f0 + R[1, b] * f1 + R[2, b] * f2
+        for a in range(3):
+            out[a] += imu[3 + 3 * b + a] * rate
+            out[3 + a] += imu[3 + 3 * b + a] * specific
 
 
 @compiled

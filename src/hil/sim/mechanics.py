@@ -15,8 +15,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from hil.compiled import compiled
-from hil.rigs.kernel import terms
+from hil.rigs.kernel import scratch, terms_in
 from hil.sim import layout as lay
 from hil.sim.drive_loops import encoder
 from hil.sim.friction import friction_band, hysteresis_advance, solve_stick_slip
@@ -29,15 +31,24 @@ STOP_W = 2.0 * math.pi * 30.0
 """End stops: a mass of `effective_mass` on them swings with 30 Hz, half damped [R]."""
 
 (
-    W_QH, W_QP, W_H, W_RHO, W_JDQD, W_LO, W_HI, W_C, W_F0, W_MU, W_PSI, W_KAPPA, W_DINV, W_VA,
+    W_LO, W_HI, W_C, W_F0, W_MU, W_PSI, W_KAPPA, W_DINV, W_VA,
     W_ALPHA, W_BETA, W_THETA, W_QD, W_V, W_R, W_PHI, W_X, W_Y, W_STOP_C, W_STOP_F,
-) = range(25)  # fmt: skip
-WORK_ROWS = 25
-WORK_MATRICES = 6
+) = range(20)  # fmt: skip
+WORK_ROWS = 20
 
 
 @compiled
-def _resist(act, st, w, i, h, force):  # type: ignore[no-untyped-def]
+def memory(n):  # type: ignore[no-untyped-def]
+    """What `step` works in, kept by its caller: rows, matrices M J S Y W K, then pose and rates at the middle
+    of the step, bias, actuator positions and their bias there, and the kernel's own."""
+    matrix = (np.empty((n, n)), np.empty((n, n)), np.empty((n, n)))
+    more = (np.empty((n, n)), np.empty((n, n)), np.empty((n, n)))
+    vectors = (np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n))
+    return np.empty((WORK_ROWS, n)), matrix, more, vectors, scratch(n)
+
+
+@compiled
+def _resist(act, st, w, i, h, force, rho):  # type: ignore[no-untyped-def]
     """Motor-side forces that need no solving: F0 - C v+ ; friction band; end stop on the load."""
     v = st[lay.S_VM, i]
     x = st[lay.S_RHO, i] + st[lay.S_WINDUP, i] + 0.5 * h * v
@@ -55,7 +66,6 @@ def _resist(act, st, w, i, h, force):  # type: ignore[no-untyped-def]
     w[W_C, i] = c
     w[W_F0, i] = f0 - c * v
     w[W_LO, i], w[W_HI, i] = friction_band(act, st, i)
-    rho = w[W_RHO, i]
     past = max(rho - act[lay.A_UPPER, i], 0.0) + min(rho - act[lay.A_LOWER, i], 0.0)
     w[W_STOP_C, i] = 0.0
     w[W_STOP_F, i] = 0.0
@@ -125,12 +135,12 @@ def _factor(M, J, w, S):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _velocities(st, w, M, J, S, h):  # type: ignore[no-untyped-def]
+def _velocities(st, w, bias, M, J, S, h):  # type: ignore[no-untyped-def]
     """New qd, actuator rates R and motor velocities V for friction PHI."""
     n = S.shape[0]
     x = w[W_X]
     for a in range(n):
-        s = -h * w[W_H, a]
+        s = -h * bias[a]
         for b in range(n):
             s += M[a, b] * st[lay.S_QD, b]
             s += J[b, a] * (w[W_PSI, b] + h * w[W_KAPPA, b] * w[W_PHI, b])
@@ -152,30 +162,28 @@ def _velocities(st, w, M, J, S, h):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _solve(st, w, mats, h):  # type: ignore[no-untyped-def]
+def _solve(st, w, bias, M, J, S, Y, W, K, h):  # type: ignore[no-untyped-def]
     """Friction forces and new velocities for the present contacts."""
-    M, J, S, Y, W, K = mats[0], mats[1], mats[2], mats[3], mats[4], mats[5]
     n = S.shape[0]
     _factor(M, J, w, S)
-    slip, phi = st[lay.S_SLIP], w[W_PHI]
     slipping = True
     for i in range(n):
         if w[W_LO, i] + w[W_HI, i] == 0.0:
-            phi[i] = 0.0
-        elif slip[i] == 0.0:
+            w[W_PHI, i] = 0.0
+        elif st[lay.S_SLIP, i] == 0.0:
             slipping = False
         else:
-            phi[i] = -w[W_HI, i] if slip[i] > 0.0 else w[W_LO, i]
+            w[W_PHI, i] = -w[W_HI, i] if st[lay.S_SLIP, i] > 0.0 else w[W_LO, i]
     if slipping:  # as in the last step, most likely
-        _velocities(st, w, M, J, S, h)
+        _velocities(st, w, bias, M, J, S, h)
         for i in range(n):
-            if w[W_V, i] * slip[i] < 0.0 and w[W_LO, i] + w[W_HI, i] > 0.0:
+            if w[W_V, i] * st[lay.S_SLIP, i] < 0.0 and w[W_LO, i] + w[W_HI, i] > 0.0:
                 slipping = False
         if slipping:
             return
     for i in range(n):
-        phi[i] = 0.0
-    _velocities(st, w, M, J, S, h)
+        w[W_PHI, i] = 0.0
+    _velocities(st, w, bias, M, J, S, h)
     for i in range(n):  # Y = S^-1 J^T, column i
         for a in range(n):
             s = J[i, a]
@@ -191,17 +199,18 @@ def _solve(st, w, mats, h):  # type: ignore[no-untyped-def]
             W[i, j] = s
             W[j, i] = s
         W[i, i] += h * w[W_DINV, i]
-    solve_stick_slip(W, w[W_V], w[W_LO], w[W_HI], slip, phi, K, w[W_Y])
-    _velocities(st, w, M, J, S, h)
+    solve_stick_slip(W, w[W_V], w[W_LO], w[W_HI], st[lay.S_SLIP], w[W_PHI], K, w[W_Y])
+    _velocities(st, w, bias, M, J, S, h)
     held = True
     for i in range(n):
-        if slip[i] == 0.0:  # exactly, not to rounding
+        if st[lay.S_SLIP, i] == 0.0:  # exactly, not to rounding
             w[W_V, i] = 0.0
             if st[lay.S_CONTACT, i] == RIGID:
                 w[W_R, i] = 0.0
-        held = held and slip[i] == 0.0 and st[lay.S_CONTACT, i] == RIGID
+        held = held and st[lay.S_SLIP, i] == 0.0 and st[lay.S_CONTACT, i] == RIGID
     if held:
-        w[W_QD, :] = 0.0
+        for a in range(n):
+            w[W_QD, a] = 0.0
 
 
 @compiled
@@ -242,37 +251,24 @@ def classify_contacts(act, st):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def step(kind, act, geometry, body, legs, gravity, st, w, mats, force, h):  # type: ignore[no-untyped-def]
+def step(kind, views, st, mem, force, h):  # type: ignore[no-untyped-def]
     """Advance the mechanics by h; `force` (n,) is the mean over h of the force by the drives' currents.
 
-    `w` (WORK_ROWS, n) and `mats` (WORK_MATRICES, n, n) are scratch; on return w[W_QH] is the pose at the
-    middle of the step.
+    `views` of the model as `model.split` gives them, `mem` from `memory`.
     """
     n = st.shape[1]
+    act, geometry, _, body, _, gravity, _, legs, _ = views
+    w, (M, J, S), (Y, W, K), (q, qd, bias, rho, jdqd), own = mem
     for a in range(n):
-        w[W_QH, a] = st[lay.S_Q, a] + 0.5 * h * st[lay.S_QD, a]
-        w[W_QP, a] = st[lay.S_QD, a] + 0.5 * h * st[lay.S_QDD, a]
-    J = mats[1]
-    terms(
-        kind,
-        geometry,
-        body,
-        legs,
-        gravity,
-        w[W_QH],
-        w[W_QP],
-        mats[0],
-        w[W_H],
-        w[W_RHO],
-        J,
-        w[W_JDQD],
-    )
+        q[a] = st[lay.S_Q, a] + 0.5 * h * st[lay.S_QD, a]
+        qd[a] = st[lay.S_QD, a] + 0.5 * h * st[lay.S_QDD, a]
+    terms_in(own, kind, geometry, body, legs, gravity, q, qd, M, bias, rho, J, jdqd)
     for i in range(n):
-        _resist(act, st, w, i, h, force[i])
+        _resist(act, st, w, i, h, force[i], rho[i])
     for _ in range(CONTACT_PASSES):
         for i in range(n):
             _couple(act, st, w, i, h)
-        _solve(st, w, mats, h)
+        _solve(st, w, bias, M, J, S, Y, W, K, h)
         if not _contacts(act, st, w, h):
             break
     for i in range(n):
@@ -291,8 +287,8 @@ def step(kind, act, geometry, body, legs, gravity, st, w, mats, force, h):  # ty
         st[lay.S_FRICTION, i] = w[W_PHI, i]
         st[lay.S_VM, i] = v
         st[lay.S_RATE, i] = r
-        st[lay.S_RHO, i] = w[W_RHO, i] + 0.5 * h * r + 0.125 * h * h * w[W_JDQD, i]
+        st[lay.S_RHO, i] = rho[i] + 0.5 * h * r + 0.125 * h * h * jdqd[i]
     for a in range(n):
         st[lay.S_QDD, a] = (w[W_QD, a] - st[lay.S_QD, a]) / h
         st[lay.S_QD, a] = w[W_QD, a]
-        st[lay.S_Q, a] = w[W_QH, a] + 0.5 * h * w[W_QD, a]
+        st[lay.S_Q, a] = q[a] + 0.5 * h * w[W_QD, a]

@@ -155,7 +155,8 @@ def split(model):  # type: ignore[no-untyped-def]
 @compiled
 def apply_parameters(base, p, out):  # type: ignore[no-untyped-def]
     """Write the model `base` with the effects of parameter vector `p` into `out` (same length)."""
-    out[:] = base
+    for c in range(base.shape[0]):
+        out[c] = base[c]
     n = int(base[lay.H_N])
     act, geometry, _, body, _, gravity, _, _, imu = split(out)
     for i in range(n):

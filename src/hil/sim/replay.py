@@ -7,10 +7,9 @@ import numpy as np
 from hil.compiled import compiled
 from hil.sim import layout as lay
 from hil.sim.drive_loops import EPSILON_S, deliver
-from hil.sim.imu import filter_coefficients, group_delay_s
-from hil.sim.mechanics import WORK_MATRICES, WORK_ROWS
+from hil.sim.imu import group_delay_s
 from hil.sim.model import apply_parameters, split
-from hil.sim.run import put_outputs, rest, state_size, tick
+from hil.sim.run import put_outputs, rest, state_size, tick, tick_memory
 from hil.sim.sensors import is_lost, reading, sampled_at, sensor_constants
 
 IMPOSSIBLE_M = 1e-6
@@ -32,7 +31,8 @@ def replay(base, p, start, modes, q_guess, ev_first, ev_t, ev_value, s_first, s_
     if not rest(model, start, modes, q_guess, state) < IMPOSSIBLE_M:
         out[:] = np.nan
         return
-    act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu = split(model)
+    views = split(model)
+    act, imu = views[0], views[8]
     st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))
     tail = state[lay.S_ROWS * n :]
     groups = s_signal.shape[0]
@@ -44,7 +44,8 @@ def replay(base, p, start, modes, q_guess, ev_first, ev_t, ev_value, s_first, s_
         quantity, i = signal // n, signal % n
         if signal >= 4 * n + 6:
             column[g] = 3 * n + signal - (4 * n + 6)
-            sensor[g] = (0.0, 1.0, 0.0, 0.0, 0.0)
+            sensor[g, :] = 0.0
+            sensor[g, lay.SCALE] = 1.0
             continue
         sensor_constants(p, n, signal, sensor[g])
         if signal >= 4 * n:
@@ -59,14 +60,11 @@ def replay(base, p, start, modes, q_guess, ev_first, ev_t, ev_value, s_first, s_
         elif quantity == 3:
             unit[g] = act[lay.A_FORCE_PER_A, i]
     lost = p[n * lay.ACTUATOR_BLOCK + lay.BUS_AT]
-    w, mats = np.empty((WORK_ROWS, n)), np.empty((WORK_MATRICES, n, n))
-    force, small = np.empty((2, n)), np.empty(34)
+    mem = tick_memory(model, imu)
     dt = model[lay.H_DT]
-    if with_imu:
-        filter_coefficients(imu[12], dt / model[lay.H_SUBSTEPS], small[:4])
     rows = np.empty((2, 4 * n + 6))
     put_outputs(st, tail, rows[1])
-    rows[0] = rows[1]
+    put_outputs(st, tail, rows[0])
     ev, at = ev_first[:-1].copy(), s_first[:-1].copy()
     due = np.empty(groups)
     for g in range(groups):
@@ -96,10 +94,8 @@ def replay(base, p, start, modes, q_guess, ev_first, ev_t, ev_value, s_first, s_
                 if not is_lost(i, e - ev_first[i], lost):
                     deliver(model, st, i, ev_value[e], ev_t[e] + wait)
                 ev[i] += 1
-        rows[0] = rows[1]
-        tick(
-            model, act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu, st, tail, w, mats,
-            force, small, with_imu,
-        )  # fmt: skip
+        for c in range(rows.shape[1]):
+            rows[0, c] = rows[1, c]
+        tick(model, views, st, tail, mem, with_imu)
         k += 1
         put_outputs(st, tail, rows[1])

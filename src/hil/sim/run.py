@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from hil.compiled import compiled
-from hil.rigs.kernel import terms
+from hil.rigs.kernel import scratch, terms_in
 from hil.sim import layout as lay
 from hil.sim.drive_loops import (
     EPSILON_S,
@@ -23,15 +23,7 @@ from hil.sim.drive_loops import (
     speed_loops,
 )
 from hil.sim.imu import filter_coefficients, filter_step, measure
-from hil.sim.mechanics import (
-    ALWAYS,
-    RIGID,
-    W_QH,
-    WORK_MATRICES,
-    WORK_ROWS,
-    classify_contacts,
-    step,
-)
+from hil.sim.mechanics import ALWAYS, RIGID, classify_contacts, memory, step
 from hil.sim.model import split
 from hil.sim.statics import solve_square, static_forces
 
@@ -95,12 +87,15 @@ def rest(model, target, modes, q_guess, state):  # type: ignore[no-untyped-def]
     st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))
     tail = state[lay.S_ROWS * n :]
     q, still = st[lay.S_Q], np.zeros(n)
-    q[:] = q_guess
-    M, J, A = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+    for a in range(n):
+        q[a] = q_guess[a]
+    M, J, A, own = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), scratch(n)
     jdqd, load, nominal, b = np.empty(n), np.empty(n), np.zeros(n), np.empty(n)
     error = math.inf
     for _ in range(NEWTON_STEPS):
-        terms(kind, geometry, body, legs, gravity, q, still, M, load, st[lay.S_RHO], J, jdqd)
+        terms_in(
+            own, kind, geometry, body, legs, gravity, q, still, M, load, st[lay.S_RHO], J, jdqd
+        )
         for i in range(n):
             for j in range(n):
                 A[i, j] = J[j, i]
@@ -147,47 +142,47 @@ def rest(model, target, modes, q_guess, state):  # type: ignore[no-untyped-def]
             st[lay.S_X0, i] = target[i]
             st[lay.S_X1, i] = target[i]
     if model[lay.H_IMU] != 0.0:
-        measure(kind, geometry, gravity, imu, q, still, still, np.empty(24), tail[:6])
+        measure(own[0], own[1], own[2], gravity, imu, still, still, tail[:6])
     return error
 
 
 @compiled
-def tick(model, act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu, st, tail, w, mats, force, small, with_imu):  # type: ignore[no-untyped-def]  # noqa: E501  # fmt: skip
-    """From the tick the state stands at to the next.
+def tick_memory(model, imu):  # type: ignore[no-untyped-def]
+    """What `tick` works in, kept by its caller: the mechanics' memory, forces (n,), mean rates (n,), the IMU
+    filter's coefficients (4,) and input (6,)."""
+    n = int(model[lay.H_N])
+    coefficients = np.empty(4)
+    if model[lay.H_IMU] != 0.0:
+        filter_coefficients(imu[12], model[lay.H_DT] / model[lay.H_SUBSTEPS], coefficients)
+    return memory(n), np.empty(n), np.empty(n), coefficients, np.empty(6)
 
-    `w`, `mats`, `force` (2, n) are scratch; `small` (34,): filter coefficients (4), motion (24), input (6).
-    """
+
+@compiled
+def tick(model, views, st, tail, mem, with_imu):  # type: ignore[no-untyped-def]
+    """From the tick the state stands at to the next; `views` of the model, `mem` from `tick_memory`."""
+    act, _, geometry0, _, body0, gravity, gravity0, legs, imu = views
+    mechanics, force, rates, coefficients, sensed = mem
     kind, n = int(model[lay.H_KIND]), st.shape[1]
     k = tail[lay.S_TAIL - 1]
-    dt = model[lay.H_DT]
-    t = k * dt
+    t = k * model[lay.H_DT]
     substeps = int(model[lay.H_SUBSTEPS])
     if int(k) % int(model[lay.H_POSITION_TICKS]) == 0:
         if model[lay.H_STATIC_FF] != 0.0:
             static_forces(kind, geometry0, body0, legs, gravity0, st[lay.S_Q], st[lay.S_STATIC])
         position_loops(model, act, st, t)
     speed_loops(model, act, st, t)
-    h = dt / substeps
+    h = model[lay.H_DT] / substeps
     for _ in range(substeps):
         for i in range(n):
-            force[0, i] = mean_force(act, st, i, h)
-            force[1, i] = st[lay.S_QD, i]
-        step(kind, act, geometry, body, legs, gravity, st, w, mats, force[0], h)
+            force[i] = mean_force(act, st, i, h)
+            rates[i] = st[lay.S_QD, i]
+        step(kind, views, st, mechanics, force, h)
         if with_imu:
             for i in range(n):
-                force[1, i] = 0.5 * (force[1, i] + st[lay.S_QD, i])
-            measure(
-                kind,
-                geometry,
-                gravity,
-                imu,
-                w[W_QH],
-                force[1],
-                st[lay.S_QDD],
-                small[4:28],
-                small[28:],
-            )
-            filter_step(small[:4], tail, small[28:])
+                rates[i] = 0.5 * (rates[i] + st[lay.S_QD, i])
+            R, A, twist = mechanics[4][0], mechanics[4][1], mechanics[4][2]
+            measure(R, A, twist, gravity, imu, rates, st[lay.S_QDD], sensed)
+            filter_step(coefficients, tail, sensed)
     read_encoders(act, st)
     tail[lay.S_TAIL - 1] = k + 1.0
 
@@ -199,7 +194,7 @@ def advance(model, state, events, count, ring, to_s):  # type: ignore[no-untyped
     `events` (N, 3): arrival s, actuator, setpoint, of which the first `count` wait; those that arrive
     in time are delivered in their order. Returns how many still wait, moved to the front.
     """
-    act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu = split(model)
+    views = split(model)
     n = int(model[lay.H_N])
     st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))
     tail = state[lay.S_ROWS * n :]
@@ -207,11 +202,8 @@ def advance(model, state, events, count, ring, to_s):  # type: ignore[no-untyped
     k = int(tail[lay.S_TAIL - 1])
     if k * dt >= to_s - EPSILON_S:
         return count
-    w, mats = np.empty((WORK_ROWS, n)), np.empty((WORK_MATRICES, n, n))
-    force, small = np.empty((2, n)), np.empty(34)
+    mem = tick_memory(model, views[8])
     with_imu = model[lay.H_IMU] != 0.0
-    if with_imu:
-        filter_coefficients(imu[12], dt / model[lay.H_SUBSTEPS], small[:4])
     while k * dt < to_s - EPSILON_S:
         if count > 0:
             kept = 0
@@ -223,10 +215,7 @@ def advance(model, state, events, count, ring, to_s):  # type: ignore[no-untyped
                         events[kept, c] = events[e, c]
                     kept += 1
             count = kept
-        tick(
-            model, act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu, st, tail, w, mats,
-            force, small, with_imu,
-        )  # fmt: skip
+        tick(model, views, st, tail, mem, with_imu)
         k += 1
         put_outputs(st, tail, ring[k % ring.shape[0]])
     return count
