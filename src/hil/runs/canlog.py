@@ -23,6 +23,9 @@ from hil.frames import Frame, StampedFrame
 CAN_LOG: Final = {"candump": "can.log", "blf": "can.blf"}
 """File name in a run folder, by format."""
 
+FORMATS: Final = {".log": "candump", ".blf": "BLF", ".asc": "ASC"}
+"""Format of a bus log by the ending of its name."""
+
 _CONTAINER_BYTES: Final = 4096
 """BLF is written in containers of this size, some 80 frames: what a killed process may lose."""
 
@@ -81,7 +84,7 @@ def read_can_log(path: Path) -> list[StampedFrame]:
             frames.append(StampedFrame(message.timestamp, _frame(message)))
     except (ValueError, IndexError, KeyError, UnicodeDecodeError, BLFParseError) as error:
         raise RunError(
-            f"{path}: is no {path.suffix.lstrip('.')} log after frame {len(frames)}: {error}"
+            f"{path}: is no {FORMATS[path.suffix.lower()]} log after frame {len(frames)}: {error}"
         ) from error
     except (EOFError, struct.error, zlib.error):
         if not frames:
@@ -90,14 +93,18 @@ def read_can_log(path: Path) -> list[StampedFrame]:
 
 
 def _messages(path: Path) -> Iterator[can.Message]:
-    kind = path.suffix.lower()
-    if kind == ".log":
-        return iter(CanutilsLogReader(StringIO(_whole_lines(path))))
-    if kind == ".blf":
-        return iter(BLFReader(path))
-    if kind == ".asc":
-        return iter(ASCReader(path))
-    raise RunError(f"{path}: hil reads bus logs named .log (candump), .blf and .asc")
+    kind = FORMATS.get(path.suffix.lower())
+    if kind is None:
+        raise RunError(f"{path}: hil reads bus logs named .log (candump), .blf and .asc")
+    # The stream is ours: a reader that fails on its first bytes leaves its own open.
+    if kind == "candump":
+        yield from CanutilsLogReader(StringIO(_whole_lines(path)))
+    elif kind == "BLF":
+        with path.open("rb") as stream:
+            yield from BLFReader(stream)
+    else:
+        with path.open(encoding="utf-8", errors="replace") as text:
+            yield from ASCReader(text)
 
 
 def _whole_lines(path: Path) -> str:
