@@ -61,7 +61,7 @@ def _errors(quantities: Iterable[Quantity]) -> str:
         e = q.error.values
         if len(e):
             rms, worst = float(np.sqrt(np.mean(e**2))), float(np.abs(e).max())
-            parts.append(f"{q.name} {rms:.3g}/{worst:.3g} {q.unit}")
+            parts.append(f"{q.name} {rms:.3f}/{worst:.3f} {q.unit}")
     return "rms/max " + ", ".join(parts) if parts else "no setpoint and position to compare"
 
 
