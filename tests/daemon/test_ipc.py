@@ -52,7 +52,6 @@ states = axes.flatmap(
         text(120),
     )
 )
-shaped = axes.flatmap(lambda n: st.builds(r.CueShapedRecord, reals, poses(n), poses(n), poses(n)))
 cues = axes.flatmap(
     lambda n: st.builds(
         r.CueRecord,
@@ -72,7 +71,6 @@ records = st.one_of(
     states,
     st.builds(r.SampleRecord, bytes_, st.sampled_from(r.QUANTITIES), reals, reals, reals),
     st.builds(r.SetpointRecord, reals, bytes_, st.sampled_from(r.KINDS), reals),
-    shaped,
     st.builds(r.EventRecord, reals, st.sampled_from(r.SEVERITIES), text(48), text(240)),
     st.builds(
         r.DriveRecord, reals, bytes_, st.sampled_from(r.DRIVE_PHASES), st.booleans(), text(120)

@@ -105,6 +105,8 @@ class ControlProcess:
         for fd, action in readers:
             loop.add_reader(fd, self._guarded, action)
         self._garbage.settle()
+        while self._port.receive():
+            pass  # what the bus said while we were getting ready is old news
         self._core.start_at(time.monotonic() + self._rig.bus.cycle)
         self._timer.arm_at(self._core.next_due_s)
         self._notifier.ready(f"{self._rig.name} on {self._port.name}: {self._core.state}")

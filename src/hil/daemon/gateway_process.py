@@ -34,7 +34,8 @@ def start_gateway(
             "command_timeout_s": options.command_timeout_s,
         },
     }
-    command = [sys.executable, "-m", "hil.daemon.gateway_process", str(sock.fileno())]
+    # The rest of the line is for whoever reads `ps` or the recording's provenance.
+    command = [sys.executable, "-m", "hil.daemon.gateway_process", str(sock.fileno()), *sys.argv]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, pass_fds=(sock.fileno(),))
     assert process.stdin is not None
     process.stdin.write(msgspec.json.encode(handed))

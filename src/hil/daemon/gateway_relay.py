@@ -16,7 +16,6 @@ from hil.daemon.ipc import Channel, Sources
 from hil.daemon.metrics import Metrics
 from hil.daemon.recording import keep
 from hil.daemon.records import (
-    CueShapedRecord,
     DriveRecord,
     EventRecord,
     FrameRecord,
@@ -64,7 +63,6 @@ class Relay:
             StateRecord: self._on_state,
             SampleRecord: self._on_sample,
             SetpointRecord: self._on_setpoint,
-            CueShapedRecord: lambda record: None,  # clients see its pose as the state's setpoint
             DriveRecord: self._on_drive,
             EventRecord: self._on_event,
             ReplyRecord: commands.resolve,

@@ -108,15 +108,6 @@ class DriveRecord(NamedTuple):
     error: str = ""
 
 
-class CueShapedRecord(NamedTuple):
-    """What the cue became after limits and gain: pose and its first two derivatives."""
-
-    t_s: float
-    pose: tuple[float, ...]
-    velocity: tuple[float, ...]
-    acceleration: tuple[float, ...]
-
-
 class EventRecord(NamedTuple):
     """An event; `name` keeps 48 bytes, `text` 240."""
 
@@ -167,7 +158,6 @@ Record = (
     | SampleRecord
     | SetpointRecord
     | DriveRecord
-    | CueShapedRecord
     | EventRecord
     | ReplyRecord
     | CueRecord

@@ -25,7 +25,7 @@ from hil.errors import CommandRefused, RunError
 from hil.runs import Recorder
 from hil.signals import Cue
 from hil.sim.rig import SimulatedRig
-from hil.sim.world import World
+from hil.sim.world import Master, World
 
 CONTROL: Final = "control"
 STEP_S: Final = 0.05
@@ -47,7 +47,9 @@ class SimulatedSession:
         faults: Sequence[Fault] = (),
         recorder: Recorder | None = None,
         wake_jitter_s: float | None = None,
+        others: Mapping[str, Master] | None = None,
     ) -> None:
+        """`others` are further nodes that speak on the bus: sniffers, second masters, babblers."""
         streams = np.random.default_rng(seed).spawn(2)
         self.rig = rig
         self.simulated = SimulatedRig(rig, profiles, seed)
@@ -57,7 +59,7 @@ class SimulatedSession:
         self.world = World(
             self.simulated,
             self.bus,
-            {CONTROL: self.core},
+            {CONTROL: self.core, **(others or {})},
             rng=streams[1],
             wake_jitter_s=jitter_s,
         )

@@ -24,7 +24,6 @@ from hil.daemon.records import (
     ActuatorState,
     CommandRecord,
     CueRecord,
-    CueShapedRecord,
     DriveRecord,
     EventRecord,
     FrameRecord,
@@ -88,7 +87,6 @@ _STATE = struct.Struct(f"<dBBB{2 * MAX_AXES}d{5 * MAX_AXES}ddddQQQQd{FAULT_BYTES
 _SAMPLE = struct.Struct("<BBddd")
 _SETPOINT = struct.Struct("<dBBd")
 _DRIVE = struct.Struct(f"<dBB?{FAULT_BYTES}s")
-_SHAPED = struct.Struct(f"<dB{3 * MAX_AXES}d")
 _EVENT = struct.Struct(f"<dB{NAME_BYTES}s{TEXT_BYTES}s")
 _REPLY = struct.Struct(f"<I?{REPLY_BYTES}s")
 _CUE = struct.Struct(f"<{CLIENT_BYTES}sQddHHBB{POSES_PER_RECORD * (1 + MAX_AXES)}d")
@@ -159,21 +157,6 @@ def _pack_drive(r: DriveRecord) -> bytes:
 def _unpack_drive(body: bytes) -> DriveRecord:
     t_s, actuator, code, enabled, error = _DRIVE.unpack(body)
     return DriveRecord(t_s, actuator, _name(DRIVE_PHASES, code), enabled, _text(error))
-
-
-def _pack_shaped(r: CueShapedRecord) -> bytes:
-    if not len(r.pose) == len(r.velocity) == len(r.acceleration):
-        raise ProtocolError("pose, velocity and acceleration of a shaped cue differ in length")
-    three = (_padded(part, "shaped cue") for part in (r.pose, r.velocity, r.acceleration))
-    return _SHAPED.pack(r.t_s, len(r.pose), *(value for part in three for value in part))
-
-
-def _unpack_shaped(body: bytes) -> CueShapedRecord:
-    t_s, n, *v = _SHAPED.unpack(body)
-    _count(n, MAX_AXES, "coordinates")
-    starts = (0, MAX_AXES, 2 * MAX_AXES)
-    pose, velocity, acceleration = (tuple(v[k : k + n]) for k in starts)
-    return CueShapedRecord(t_s, pose, velocity, acceleration)
 
 
 def _pack_event(r: EventRecord) -> bytes:
@@ -247,7 +230,6 @@ _CODECS: Final[dict[int, tuple[type, int, Callable[[Any], bytes], Callable[[byte
     2: (StateRecord, _STATE.size, _pack_state, _unpack_state),
     3: (SampleRecord, _SAMPLE.size, _pack_sample, _unpack_sample),
     4: (SetpointRecord, _SETPOINT.size, _pack_setpoint, _unpack_setpoint),
-    5: (CueShapedRecord, _SHAPED.size, _pack_shaped, _unpack_shaped),
     6: (EventRecord, _EVENT.size, _pack_event, _unpack_event),
     7: (ReplyRecord, _REPLY.size, _pack_reply, _unpack_reply),
     8: (DriveRecord, _DRIVE.size, _pack_drive, _unpack_drive),

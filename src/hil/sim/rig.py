@@ -31,10 +31,10 @@ class SimulatedRig:
         self.imu = SimulatedImu(rig, self.plant, streams[-1]) if rig.imu else None
         self._pending: list[tuple[float, int, Frame]] = []
         self._order = 0
-
-    @property
-    def next_due_s(self) -> float:
+        self.next_due_s = self._due_s()
         """Instant at which `on_time` has something to do, s."""
+
+    def _due_s(self) -> float:
         due = [d.next_due_s for d in self.drives]
         if self.imu is not None:
             due.append(self.imu.next_due_s)
@@ -46,6 +46,7 @@ class SimulatedRig:
         """A frame arrives at every drive, as on a real bus."""
         for drive in self.drives:
             self._queue(drive.on_frame(now_s, frame))
+        self.next_due_s = self._due_s()
 
     def on_time(self, now_s: float) -> list[Frame]:
         """The frames that leave the rig's nodes up to `now_s`, in order."""
@@ -57,6 +58,7 @@ class SimulatedRig:
         out = []
         while self._pending and self._pending[0][0] <= now_s:
             out.append(heapq.heappop(self._pending)[2])
+        self.next_due_s = self._due_s()
         return out
 
     def _queue(self, frames: Sequence[tuple[float, Frame]]) -> None:

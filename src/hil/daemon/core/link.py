@@ -12,9 +12,9 @@ from hil.config import RigFile
 from hil.daemon.records import FrameRecord, Record, SampleRecord, SetpointRecord
 from hil.drives.driver import DriveBus, DriveStatus, PowerGoal
 from hil.drives.imu_node import ImuReceiver
+from hil.drives.meaning import Ask, Meaning
 from hil.frames import Frame
-from hil.safety import Finding, Gate, finding_of, gate_limits
-from hil.safety.monitor import Monitor
+from hil.safety import Finding, Gate, Monitor, finding_of, gate_limits
 from hil.signals import Event, Sample
 
 
@@ -81,13 +81,8 @@ class Link:
 
         `position` is the actuator's position, m or rad, that the setpoint is meant to bring about.
         """
-        driver = self.drives[i]
-        frames = self._passed(now_s, driver.on_slot(now_s, goal, setpoint))
-        if setpoint is not None and driver.status.enabled:
-            self._records.append(SetpointRecord(now_s, i, driver.setpoint_kind, setpoint))
-            if position is not None:
-                self.monitor.commanded(i, position, now_s)
-        return frames
+        frames = self.drives[i].on_slot(now_s, goal, setpoint)
+        return self._passed(now_s, frames, position)
 
     def findings(self, now_s: float) -> tuple[Finding, ...]:
         """What monitor, drivers and gate have found since the last call, once a cycle."""
@@ -100,10 +95,29 @@ class Link:
         records, self._records = self._records, []
         return records
 
-    def _passed(self, now_s: float, frames: Iterable[Frame]) -> list[Frame]:
-        passed = [frame for frame in frames if self.gate.pass_frame(now_s, frame).ok]
-        self._records += [FrameRecord(now_s, True, frame) for frame in passed]
+    def _passed(
+        self, now_s: float, frames: Iterable[Frame], position: float | None = None
+    ) -> list[Frame]:
+        passed: list[Frame] = []
+        for frame in frames:
+            verdict = self.gate.pass_frame(now_s, frame)
+            if not verdict.ok:
+                continue
+            passed.append(frame)
+            self._records.append(FrameRecord(now_s, True, frame))
+            meaning = verdict.meaning
+            if meaning is not None and meaning.ask is Ask.POWER_ON:
+                self._commanded(now_s, meaning, position)
         return passed
+
+    def _commanded(self, now_s: float, meaning: Meaning, position: float | None) -> None:
+        """Note the setpoint that went out, as the gate read it back from the frame."""
+        i, kind, value = meaning.actuator, meaning.kind, meaning.setpoint
+        if i is None or kind is None or value is None:
+            return
+        self._records.append(SetpointRecord(now_s, i, kind, value))
+        if position is not None:
+            self.monitor.commanded(i, position, now_s)
 
     def _find(self, findings: Iterable[Finding]) -> None:
         self._findings.extend(findings)

@@ -18,7 +18,6 @@ from hil.daemon.core.schedule import CYCLE, Due, Schedule
 from hil.daemon.records import (
     ActuatorState,
     CommandRecord,
-    CueShapedRecord,
     DriveRecord,
     EventRecord,
     Record,
@@ -63,7 +62,7 @@ class RigCore:
         manipulator, takes_force = build_rig(rig), drives[0].setpoint_kind == "force"
         Motion(rig, manipulator, takes_force).rehearse()
         self._motion = Motion(rig, manipulator, takes_force)
-        self._machine = RigStateMachine(state_settings(rig))
+        self._machine = RigStateMachine(state_settings(rig, read_only=read_only))
         self._state = RigState()
         self._power, self._goal = PowerGoal.OFF, MotionGoal.NONE
         self._requests: list[Request] = []
@@ -178,7 +177,8 @@ class RigCore:
         self._requests = []
         self._power, self._goal = outputs.power, outputs.motion
         self._link.gate.arm() if outputs.armed else self._link.gate.disarm()
-        self._motion.step(now_s, outputs.motion)
+        # By the schedule, not by the wake-up: lateness must not become speed jitter.
+        self._motion.step(due.due_s, outputs.motion)
         self._records += [EventRecord(*_event(e)) for e in outputs.events]
         self._records += [
             ReplyRecord(r.request_id, r.ok, r.message)
@@ -242,15 +242,6 @@ class RigCore:
                 )
         motion, observed = self._motion, self._motion.observed
         reference, setpoints = motion.reference, motion.setpoints
-        if reference is not None:
-            self._records.append(
-                CueShapedRecord(
-                    reference.t_s,
-                    tuple(reference.pose.tolist()),
-                    tuple(reference.velocity.tolist()),
-                    tuple(reference.acceleration.tolist()),
-                )
-            )
         values = [NAN] * len(statuses) if setpoints is None else setpoints.values.tolist()
         known = observed.is_known
         actuators = tuple(
