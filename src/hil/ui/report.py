@@ -42,7 +42,8 @@ th { text-align: left; vertical-align: top; white-space: nowrap; width: 1%; font
 td { vertical-align: top; padding: 4px 0; font-variant-numeric: tabular-nums; }
 tr + tr > * { border-top: 1px solid #f1f5f9; }
 .warn { background: #fffbeb; border-color: #fcd34d; }
-.events td { padding-right: 18px; } .events td:last-child { width: 99%; }
+.events td { padding-right: 18px; white-space: nowrap; }
+.events td:last-child { width: 99%; white-space: normal; }
 .mark { display: inline-block; width: 9px; height: 9px; border-radius: 2px; margin-right: 8px; }
 details summary { cursor: pointer; font-weight: 600; }
 pre { overflow: auto; max-height: 480px; font-size: 12.5px; }
