@@ -15,7 +15,8 @@ from hil.sim import layout as lay
 from hil.sim.catalogue import QUANTITIES
 from hil.sim.model import actuator_rows, apply_parameters, pack_model
 from hil.sim.parameters import ParameterTable
-from hil.sim.run import advance, change_mode, look_up, put_outputs, rest, state_size
+from hil.sim.rest import REST_M, rest, state_size
+from hil.sim.run import advance, change_mode, look_up, put_outputs
 from hil.sim.sensors import is_lost, reading, sensor_constants
 
 Array = NDArray[np.float64]
@@ -81,7 +82,7 @@ class Plant:
         target = self._manipulator.inverse(pose)
         modes = np.full(self.n, float(MODES[mode]))
         error = rest(self._model, target, modes, np.array(pose, dtype=float), self._state)
-        if not error < 1e-6:
+        if not error < REST_M:
             raise KinematicsError(
                 f"{self.rig.name}: no rest at pose {pose}: {error:.3g} m of actuator position are left"
             )

@@ -9,11 +9,9 @@ from hil.sim import layout as lay
 from hil.sim.drive_loops import EPSILON_S, deliver
 from hil.sim.imu import group_delay_s
 from hil.sim.model import apply_parameters, split
-from hil.sim.run import put_outputs, rest, state_size, tick, tick_memory
+from hil.sim.rest import REST_M, rest, state_size
+from hil.sim.run import put_outputs, tick, tick_memory
 from hil.sim.sensors import is_lost, reading, sampled_at, sensor_constants
-
-IMPOSSIBLE_M = 1e-6
-"""A rest state with a larger position error than this is none: the replay answers NaN."""
 
 
 @compiled
@@ -28,7 +26,7 @@ def replay(base, p, start, modes, q_guess, ev_first, ev_t, ev_value, s_first, s_
     model = np.empty_like(base)
     apply_parameters(base, p, model)
     state = np.empty(state_size(n))
-    if not rest(model, start, modes, q_guess, state) < IMPOSSIBLE_M:
+    if not rest(model, start, modes, q_guess, state) < REST_M:
         out[:] = np.nan
         return
     views = split(model)

@@ -1,4 +1,4 @@
-"""The whole rig in time, compiled: rest state, one tick of drives and plant, and runs up to an instant.
+"""The whole rig in time, compiled: one tick of drives and plant, and runs up to an instant.
 
 Tick k stands at k dt, dt the period of the speed loop. In a tick the drives take what has arrived, close
 their loops on what their encoders say now, and the force that follows acts until the next tick.
@@ -11,38 +11,20 @@ import math
 import numpy as np
 
 from hil.compiled import compiled
-from hil.rigs.kernel import scratch, terms_in
 from hil.sim import layout as lay
 from hil.sim.drive_loops import (
     EPSILON_S,
     deliver,
-    encoder,
     mean_force,
     position_loops,
     set_mode,
     speed_loops,
 )
 from hil.sim.imu import filter_coefficients, filter_step, measure
-from hil.sim.mechanics import ALWAYS, RIGID, classify_contacts, memory, step
+from hil.sim.mechanics import classify_contacts, memory, step
 from hil.sim.model import split
-from hil.sim.statics import solve_square, static_forces
-
-NEWTON_STEPS = 40
-
-
-@compiled
-def state_size(n):  # type: ignore[no-untyped-def]
-    """Length of the state of a rig with n actuators."""
-    return lay.S_ROWS * n + lay.S_TAIL
-
-
-@compiled
-def read_encoders(act, st):  # type: ignore[no-untyped-def]
-    """Position and velocity of each motor as its drive sees them, into the state."""
-    for i in range(st.shape[1]):
-        x, ratio = encoder(act, i, st[lay.S_RHO, i] + st[lay.S_WINDUP, i])
-        st[lay.S_XD, i] = x
-        st[lay.S_VD, i] = ratio * st[lay.S_VM, i]
+from hil.sim.rest import read_encoders
+from hil.sim.statics import static_forces
 
 
 @compiled
@@ -56,94 +38,6 @@ def put_outputs(st, tail, row):  # type: ignore[no-untyped-def]
         row[3 * n + i] = st[lay.S_Q, i]
     for a in range(6):
         row[4 * n + a] = tail[a]
-
-
-@compiled
-def _at_rest(act, st, i, load):  # type: ignore[no-untyped-def]
-    """Wind-up and current's force of actuator i that carry the static `load` (N) without friction."""
-    e = 0.5 * act[lay.A_GAP, i] * (math.copysign(1.0, load) if load != 0.0 else 0.0)
-    if act[lay.A_STIFFNESS, i] != math.inf:
-        e += load / act[lay.A_STIFFNESS, i]
-    x = st[lay.S_RHO, i] + e
-    reading, ratio = encoder(act, i, x)
-    ripple = 0.0
-    if act[lay.A_RIPPLE_A, i] != 0.0:
-        turn = 2.0 * math.pi * (x - act[lay.A_HOME, i]) / act[lay.A_RIPPLE_P, i]
-        ripple = act[lay.A_RIPPLE_A, i] * math.sin(turn + act[lay.A_RIPPLE_PHASE, i])
-    return e, reading, ratio, (load - ripple) / (act[lay.A_FORCE_SCALE, i] * ratio)
-
-
-@compiled
-def rest(model, target, modes, q_guess, state):  # type: ignore[no-untyped-def]
-    """Fill `state` with the rig at rest at tick 0, each drive at position (reference) target (n,).
-
-    `modes` (n,): the drives' modes; integrators carry the static load, or brakes do. In "pd" law the
-    drive's error is what its law needs. Returns the largest position error left, m: not small where no
-    pose closes the mechanism.
-    """
-    act, geometry, geometry0, body, body0, gravity, gravity0, legs, imu = split(model)
-    kind, n = int(model[lay.H_KIND]), int(model[lay.H_N])
-    state[:] = 0.0
-    st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))
-    tail = state[lay.S_ROWS * n :]
-    q, still = st[lay.S_Q], np.zeros(n)
-    for a in range(n):
-        q[a] = q_guess[a]
-    M, J, A, own = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), scratch(n)
-    jdqd, load, nominal, b = np.empty(n), np.empty(n), np.zeros(n), np.empty(n)
-    error = math.inf
-    for _ in range(NEWTON_STEPS):
-        terms_in(
-            own, kind, geometry, body, legs, gravity, q, still, M, load, st[lay.S_RHO], J, jdqd
-        )
-        for i in range(n):
-            for j in range(n):
-                A[i, j] = J[j, i]
-        solve_square(A, load)
-        if model[lay.H_STATIC_FF] != 0.0:
-            static_forces(kind, geometry0, body0, legs, gravity0, q, nominal)
-        worst = 0.0
-        for i in range(n):
-            e, reading, ratio, force = _at_rest(act, st, i, load[i])
-            st[lay.S_WINDUP, i] = e
-            st[lay.S_CURRENT, i] = force
-            b[i] = target[i] - reading
-            if act[lay.A_PD, i] != 0.0 and modes[i] == lay.MODE_POSITION:
-                b[i] -= (force - act[lay.A_STATIC_FF, i] * nominal[i]) / act[lay.A_KP, i]
-            worst = max(worst, abs(b[i]))
-            b[i] /= ratio
-        if not worst < 0.999 * error or worst > 10.0:
-            break
-        error = worst
-        for i in range(n):
-            for j in range(n):
-                A[i, j] = J[i, j]
-        solve_square(A, b)
-        for i in range(n):
-            q[i] += b[i]
-    for i in range(n):
-        sign = math.copysign(1.0, load[i]) if load[i] != 0.0 else 0.0
-        st[lay.S_CONTACT, i] = sign if act[lay.A_GAP, i] > 0.0 else (
-            RIGID if act[lay.A_STIFFNESS, i] == math.inf else ALWAYS
-        )  # fmt: skip
-        st[lay.S_LOAD, i] = load[i]
-        st[lay.S_STATIC, i] = nominal[i]
-    read_encoders(act, st)
-    for i in range(n):
-        if modes[i] == lay.MODE_OFF:
-            st[lay.S_CURRENT, i] = 0.0
-        force = st[lay.S_CURRENT, i]
-        set_mode(st, i, int(modes[i]))
-        st[lay.S_FREF, i] = force
-        if modes[i] == lay.MODE_FORCE:
-            st[lay.S_FORCE_SETPOINT, i] = force
-            st[lay.S_BRAKE, i] = 0.0
-        elif modes[i] == lay.MODE_POSITION:
-            st[lay.S_X0, i] = target[i]
-            st[lay.S_X1, i] = target[i]
-    if model[lay.H_IMU] != 0.0:
-        measure(own[0], own[1], own[2], gravity, imu, still, still, tail[:6])
-    return error
 
 
 @compiled
