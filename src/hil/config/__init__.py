@@ -5,7 +5,14 @@ Reading files is `hil.configfile`'s work; here is only what they mean.
 
 from hil.config.actuator import Actuator, DriveNode, LegMass, Screw
 from hil.config.bus import Bus, Can, Imu, Noise
-from hil.config.control import Control, CueLimits, Mode, Parking, Safety
+from hil.config.control import (
+    Control,
+    CueLimits,
+    Mode,
+    Parking,
+    PlatformFilterSettings,
+    Safety,
+)
 from hil.config.geometry import AxisGeometry, MotorcycleGeometry, StewartGeometry
 from hil.config.rig import Body, Effect, RigFile
 
@@ -25,6 +32,7 @@ __all__ = [
     "MotorcycleGeometry",
     "Noise",
     "Parking",
+    "PlatformFilterSettings",
     "RigFile",
     "Safety",
     "Screw",

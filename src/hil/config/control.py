@@ -11,6 +11,15 @@ from hil.config.base import NonNegative, Positive, Settings
 Mode = Literal["drive", "cascade", "computed_torque"]
 
 
+class PlatformFilterSettings(Settings):
+    """Low-pass filter and delay between the motion asked for and the controller: e^(-τs)/(1+s/2πf)²."""
+
+    frequency: Annotated[float, Field(ge=0.5, le=200.0)] = Field(
+        description="break frequency f of both poles, Hz"
+    )
+    delay: Annotated[float, Field(ge=0.0, le=0.5)] = Field(0.0, description="time delay τ, s")
+
+
 class Control(Settings):
     """Control mode and gains of the loops that the daemon closes itself."""
 
@@ -37,6 +46,9 @@ class Control(Settings):
         description="cascade: rate of the speed loop's integrator, 1/s; 0 = 0.7 of the position gain",
     )
     observer: Positive = Field(60.0, description="bandwidth of the state observer, rad/s")
+    platform_filter: PlatformFilterSettings | None = Field(
+        None, description="filter that the platform puts on every coordinate; none unless given"
+    )
 
 
 class CueLimits(Settings):

@@ -1,4 +1,4 @@
-"""From cues and samples to one setpoint an actuator: guard, shaper, observer, controller of one rig."""
+"""From cues and samples to one setpoint an actuator: guard, shaper, platform filter, observer, controller."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from hil.config import RigFile
 from hil.control.guard import CueGuard, Verdict
 from hil.control.modes import build_controller
 from hil.control.observer import Observed, Observer
+from hil.control.platform_filter import PlatformFilter
 from hil.control.reference import Reference
 from hil.control.setpoints import Setpoints
 from hil.control.shaping import CueShaper
@@ -32,6 +33,12 @@ class Motion:
         self.observed = self.observer.estimate(0.0)
         self.reference: Reference | None = None
         self.setpoints: Setpoints | None = None
+        settings = rig.control.platform_filter
+        self._filter = (
+            None
+            if settings is None
+            else PlatformFilter(settings, len(rig.coordinates), rig.bus.cycle)
+        )
         self._controller = build_controller(rig, manipulator, torque_reference)
         self._parked = np.asarray(rig.parked_pose)
         self._cycle_s = rig.bus.cycle
@@ -75,6 +82,16 @@ class Motion:
         off = np.abs(self.observed.pose - self._parked)
         return self.observed.is_known and bool(np.all(off < NEAR_PARKED))
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether what the controller is asked for rests, with nothing on its way in the filter."""
+        return self.shaper.at_rest and (self._filter is None or self._filter.at_rest)
+
+    @property
+    def at_parked(self) -> bool:
+        """Whether it rests in the parked pose."""
+        return self.shaper.at_parked and self.at_rest
+
     def step(self, now_s: float, goal: MotionGoal) -> Setpoints | None:
         """Setpoints of the cycle that starts at `now_s`; None while drives are off."""
         if goal is MotionGoal.NONE:
@@ -82,7 +99,8 @@ class Motion:
         else:
             if goal is not self._goal:
                 self._turn_to(goal)
-            self.reference = self.shaper.step(now_s)
+            asked = self.shaper.step(now_s)
+            self.reference = asked if self._filter is None else self._filter.step(asked)
             self.setpoints = self._controller.step(now_s, self.reference, self.observed)
         self._goal = goal
         self.observer.applied(now_s, self.setpoints)
@@ -102,6 +120,8 @@ class Motion:
         self.reference = self.setpoints = None
         if self.observed.is_known:
             self.shaper.reset(self.observed.pose)
+            if self._filter is not None:
+                self._filter.reset(self.observed.pose)
             self._controller.reset(self.observed)
 
     def _turn_to(self, goal: MotionGoal) -> None:

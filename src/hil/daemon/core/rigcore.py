@@ -190,13 +190,12 @@ class RigCore:
 
     def _inputs(self, now_s: float) -> RigInputs:
         age_s = self._motion.guard.age_s(now_s)
-        shaper = self._motion.shaper
         return RigInputs(
             drives=self._link.statuses,
             cue_age_s=None if age_s == float("inf") else age_s,
             requests=(*self._requests, *self._own_requests()),
-            at_rest=shaper.at_rest,
-            at_parked=shaper.at_parked,
+            at_rest=self._motion.at_rest,
+            at_parked=self._motion.at_parked,
             near_parked=self._motion.near_parked,
             findings=self._link.findings(now_s),
             overruns=self._schedule.missed_in_a_row,
