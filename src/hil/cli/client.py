@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Annotated
 
 import typer
@@ -37,13 +38,25 @@ def command(
     if name not in COMMANDS:
         raise typer.BadParameter(f"{name!r} is none of {', '.join(COMMANDS)}", param_hint="COMMAND")
     with RigClient(load_rig(rig).name, endpoint) as client:
-        reply = client.command(name, **({"value": argument} if argument is not None else {}))
+        reply = client.command(name, **_arguments(name, argument))
     if json:
         write_json({"ok": reply.ok, "message": reply.message})
     else:
         (out if reply.ok else err).print(reply.message, style=None if reply.ok else "red")
     if not reply.ok:
         raise typer.Exit(1)
+
+
+def _arguments(name: str, text: str | None) -> dict[str, float | str | bool]:
+    if text is None:
+        return {}
+    if name == "record" and text in ("on", "off"):
+        return {"on": text == "on"}
+    if name == "gain":
+        with suppress(ValueError):
+            return {"value": float(text)}
+    wanted = {"record": "on or off", "gain": "a number from 0 to 1"}.get(name, "no argument")
+    raise typer.BadParameter(f"{name} takes {wanted}, not {text!r}", param_hint="ARGUMENT")
 
 
 def watch(

@@ -25,6 +25,9 @@ from hil.messages import LARGEST_PAYLOAD
 INBOX: Final = 512
 """Messages that may wait for the loop; more than the worst client sends while it writes a chunk."""
 
+LEAVING_S: Final = 2.0
+"""A taken endpoint may be that of the daemon before us, whose gateway still ends its recording."""
+
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
@@ -177,16 +180,20 @@ def client_identity(name: bytes, zid: str) -> str:
 def _open(rig: RigFile) -> Any:
     settings = rig.zenoh
     where = ", ".join((*settings.listen, *settings.connect)) or settings.config
-    try:
-        config = zenoh_config("peer", settings.listen, settings.connect, settings.config)
-        return zenoh.open(config)
-    except zenoh.ZError as error:
-        text = str(error)
-        if "in use" in text:
-            raise RigInUse(
-                f"zenoh.listen: {where} is taken: another daemon, or another program, listens "
-                "there; stop it or give this rig another endpoint"
-            ) from error
-        raise ConfigError(
-            f"zenoh: {where} cannot be opened: {text.partition(' at /')[0]}"
-        ) from error
+    given_up_s = time.monotonic() + LEAVING_S
+    while True:
+        try:
+            config = zenoh_config("peer", settings.listen, settings.connect, settings.config)
+            return zenoh.open(config)
+        except zenoh.ZError as error:
+            text = str(error)
+            if "in use" not in text:
+                raise ConfigError(
+                    f"zenoh: {where} cannot be opened: {text.partition(' at /')[0]}"
+                ) from error
+            if time.monotonic() > given_up_s:
+                raise RigInUse(
+                    f"zenoh.listen: {where} is taken: another daemon, or another program, listens "
+                    "there; stop it or give this rig another endpoint"
+                ) from error
+        time.sleep(0.1)
