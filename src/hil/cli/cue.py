@@ -1,23 +1,51 @@
-"""`hil cue`: send motion cues to a running rig."""
+"""`hil cue`: motion cues from a measured ride, from a file, or from the built-in ride, to a running rig."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from hil.cli.client import Endpoint
-from hil.cli.console import RigArgument, err
+from hil.cli.console import JsonFlag, RigArgument, err, out, write_json
 from hil.client import ENDPOINT, RigClient
+from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.control.demo_ride import DURATION_S, DemoRide
+from hil.control.streaming import cues, motion_of
+from hil.control.trajectory import fit
+from hil.errors import ConfigError
+from hil.messages import cue_message
+from hil.rigs import build_rig
+from hil.runs.cuefile import read_cue_file, write_cue_file
+from hil.runs.cuelog import cue_from_log
+from hil.runs.cuemap import read_cue_map
+from hil.signals import Cue
 
-app = typer.Typer(help="Motion cues: stream them to a running rig.", no_args_is_help=True)
+app = typer.Typer(
+    help="Motion cues: make them of a measured ride, stream them to a running rig.",
+    no_args_is_help=True,
+)
 
-CUE_HZ = 50.0
-LOOK_AHEAD_S = 0.06
-"""A driving simulator that knows its vehicle's next frames sends them along: less lag, no guessing."""
+
+def ride_cues(rig: RigFile, seconds: float) -> Iterable[Cue]:
+    """The built-in ride of a rig."""
+    return cues(DemoRide(rig).poses, 0.0, seconds, "demo-ride")
+
+
+def file_cues(rig: RigFile, file: Path) -> Iterable[Cue]:
+    """The cues of a cue file; ConfigError where it was made for another kind of rig."""
+    trajectory = read_cue_file(file).trajectory
+    if trajectory.coordinates != rig.coordinates:
+        raise ConfigError(
+            f"{file}: moves {', '.join(trajectory.coordinates)}, but {rig.name} has "
+            f"{', '.join(rig.coordinates)}; make it anew with `hil cue from-log ... --rig {rig.name}`"
+        )
+    t_s = trajectory.t_s
+    return cues(motion_of(trajectory), float(t_s[0]), float(t_s[-1]), file.name)
 
 
 @app.command()
@@ -30,18 +58,71 @@ def ride(
 ) -> None:
     """Stream the built-in minute of riding: lane changes, a curve, braking, accelerating. Then park."""
     settings = load_rig(rig)
-    course = DemoRide(settings)
-    offsets_s = (0.0, 0.5 * LOOK_AHEAD_S, LOOK_AHEAD_S)
-    with RigClient(settings.name, endpoint, name="demo-ride") as client:
-        start_s = time.monotonic()
-        count = round(seconds * CUE_HZ)
-        for k in range(count):
-            at_s = k / CUE_HZ
-            time.sleep(max(0.0, start_s + at_s - time.monotonic()))
-            poses = [
-                {"dt": dt, **dict(zip(settings.coordinates, course.pose(at_s + dt), strict=True))}
-                for dt in offsets_s
-            ]
-            client.cues(poses, start_s + at_s)
+    _stream(settings, ride_cues(settings, seconds), endpoint)
+
+
+@app.command()
+def play(
+    rig: RigArgument,
+    file: Annotated[Path, typer.Argument(help="A cue file: CSV with t and the rig's coordinates.")],
+    endpoint: Endpoint = ENDPOINT,
+) -> None:
+    """Stream a cue file to a running rig, in its own time. Then park."""
+    settings = load_rig(rig)
+    _stream(settings, file_cues(settings, file), endpoint)
+
+
+@app.command("from-log")
+def from_log(
+    log: Annotated[Path, typer.Argument(help="A measured ride: CSV, parquet, also .gz.")],
+    cue_map: Annotated[
+        str,
+        typer.Option(
+            "--map",
+            help="What becomes what: coordinate=column:unit, then *scale and @low-pass in Hz, as in "
+            "'roll=lean_angle:rad*0.5@2, pitch=speed:m/s, t=time:ms'; or a TOML file.",
+        ),
+    ],
+    target: Annotated[Path, typer.Option("--out", "-o", help="The cue file to write.")],
+    rig: Annotated[str, typer.Option("--rig", help="The rig that shall ride it.")] = "motorcycle",
+    rate_hz: Annotated[
+        float | None,
+        typer.Option("--rate", help="Sampling rate of a log without times, Hz.", min=0.1),
+    ] = None,
+    low_pass_hz: Annotated[
+        float | None, typer.Option("--low-pass", help="Zero-phase low-pass over all, Hz.", min=0.05)
+    ] = None,
+    json: JsonFlag = False,
+) -> None:
+    """Turn a measured ride into a cue file that a rig can ride.
+
+    The unit says what is done: an angle is the pose itself, an acceleration becomes tilt by washout, a speed
+    is differentiated first. What would leave the rig's limits is scaled, never clipped, and every change is
+    said.
+    """
+    settings = load_rig(rig)
+    imported = cue_from_log(log, read_cue_map(cue_map), settings, rate_hz)
+    fitted = fit(imported.trajectory, settings, build_rig(settings), low_pass_hz)
+    notes = (*imported.notes, *fitted.notes)
+    write_cue_file(target, fitted.trajectory, settings.name, notes)
+    duration_s = fitted.trajectory.duration_s
+    if json:
+        factors = dict(zip(settings.coordinates, fitted.factors, strict=True))
+        write_json(
+            {"file": str(target), "duration_s": duration_s, "factors": factors, "notes": notes}
+        )
+        return
+    for note in notes:
+        out.print(note, markup=False, soft_wrap=True)
+    out.print(f"{target}: {duration_s:.1f} s for {settings.name}", markup=False, soft_wrap=True)
+
+
+def _stream(rig: RigFile, stream: Iterable[Cue], endpoint: str) -> None:
+    with RigClient(rig.name, endpoint, name="hil-cue") as client:
+        start_s, count = time.monotonic(), 0
+        for cue in stream:
+            time.sleep(max(0.0, start_s + cue.t_client_s - time.monotonic()))
+            client.cues(cue_message(cue, rig.coordinates).poses, start_s + cue.t_client_s)
+            count += 1
         reply = client.command("park")
-    err.print(f"{count} cues sent in {seconds:g} s; {reply.message}")
+    err.print(f"{count} cues sent in {time.monotonic() - start_s:.1f} s; {reply.message}")

@@ -18,14 +18,14 @@ import typer
 from rich.live import Live
 
 from hil.cli.console import err, out
+from hil.cli.cue import file_cues, ride_cues
 from hil.cli.options import ModeName, ModeOption, SeedOption, profiles_of, rig_with
 from hil.client import RigClient
 from hil.config import RigFile
-from hil.control.demo_ride import DURATION_S, DemoRide
+from hil.control.demo_ride import DURATION_S
 from hil.daemon.simulated import record_ride
 from hil.errors import CommandRefused, HilError, RigNotReached
 from hil.runs import load_run
-from hil.signals import Cue, TimedPose
 from hil.ui.live import LiveView
 from hil.ui.report import run_report
 from hil.ui.report_summary import summary_lines
@@ -34,7 +34,6 @@ START_S = 60.0
 """A fresh checkout compiles the model first, which takes half a minute on a small machine."""
 PARK_S = 20.0
 MOVING = ("engaged", "ready", "parking")
-CUE_HZ = 50.0
 
 
 def demo(
@@ -45,6 +44,9 @@ def demo(
     seconds: Annotated[
         float, typer.Option(help="How much of the minute's ride.", min=1.0, max=DURATION_S)
     ] = DURATION_S,
+    cue: Annotated[
+        Path | None, typer.Option("--cue", help="Ride this cue file instead, whole.")
+    ] = None,
     mode: ModeOption = None,
     runs: Annotated[Path, typer.Option("--runs", help="Where the run folder is made.")] = Path(
         "runs"
@@ -59,7 +61,7 @@ def demo(
     Starts the simulated rig behind a CAN hub, the daemon with both its processes, and a client that streams
     riding cues over Zenoh. Ends parked, with a recording and a page of plots. Ctrl-C parks, then leaves.
     """
-    folder = (_ride_fast if fast else _ride)(rig, seconds, mode, runs, seed)
+    folder = (_ride_fast if fast else _ride)(rig, seconds, cue, mode, runs, seed)
     run = load_run(folder)
     report = run_report(run, folder / "report.html")
     for line in summary_lines(run):
@@ -69,16 +71,9 @@ def demo(
         webbrowser.open(report.resolve().as_uri())
 
 
-def ride_cues(rig: RigFile, seconds: float) -> Iterator[Cue]:
-    """The built-in ride as a client would send it, times from 0."""
-    course = DemoRide(rig)
-    for k in range(round(seconds * CUE_HZ)):
-        at_s = k / CUE_HZ
-        poses = tuple(TimedPose(dt, course.pose(at_s + dt)) for dt in (0.0, 0.03, 0.06))
-        yield Cue("demo-ride", k, at_s, at_s, poses)
-
-
-def _ride_fast(name: str, seconds: float, mode: ModeName | None, runs: Path, seed: int) -> Path:
+def _ride_fast(
+    name: str, seconds: float, cue: Path | None, mode: ModeName | None, runs: Path, seed: int
+) -> Path:
     rig, text = rig_with(name, mode=mode, runs=runs)
     started_s = time.monotonic()
     with err.status(f"riding {rig.name} in simulated time"):
@@ -86,16 +81,18 @@ def _ride_fast(name: str, seconds: float, mode: ModeName | None, runs: Path, see
             rig,
             text,
             profiles_of(rig),
-            ride_cues(rig, seconds),
+            ride_cues(rig, seconds) if cue is None else file_cues(rig, cue),
             runs,
             seed=seed,
             note="hil demo --fast",
         )
-    err.print(f"{seconds:g} s of riding took {time.monotonic() - started_s:.1f} s")
+    err.print(f"riding took {time.monotonic() - started_s:.1f} s")
     return folder
 
 
-def _ride(name: str, seconds: float, mode: ModeName | None, runs: Path, seed: int) -> Path:
+def _ride(
+    name: str, seconds: float, cue: Path | None, mode: ModeName | None, runs: Path, seed: int
+) -> Path:
     rig, _ = rig_with(name, mode=mode)
     runs.mkdir(parents=True, exist_ok=True)
     before = set(runs.iterdir())
@@ -103,7 +100,9 @@ def _ride(name: str, seconds: float, mode: ModeName | None, runs: Path, seed: in
         tempfile.TemporaryDirectory(prefix="hil-demo-") as scratch,
         Cast(rig, name, mode, runs, seed, Path(scratch)) as cast,
     ):
-        cast.play(seconds)
+        cast.play(
+            ["ride", name, "--seconds", str(seconds)] if cue is None else ["play", name, str(cue)]
+        )
     made = sorted(set(runs.iterdir()) - before)
     if not made:
         raise HilError(f"the daemon left no recording in {runs}; what it said is above")
@@ -157,7 +156,7 @@ class Cast:
                 process.wait()
         self._log.close()
 
-    def play(self, seconds: float) -> None:
+    def play(self, ride: list[str]) -> None:
         """Arm, ride, park, disarm; Ctrl-C goes straight to parking."""
         with self._client() as client:
             view = LiveView(self._rig.name, self._rig.coordinates, self._rig.limits)
@@ -172,16 +171,13 @@ class Cast:
                         show(_progress(state.state, rider))
                         if rider is None and state.state == "parked":
                             self._command(client, "arm")
-                            rider = self._start(self._ride_for(seconds))
+                            rider = self._start(["cue", *ride, "-e", self._endpoint])
                         elif _is_over(rider) and state.state not in MOVING:
                             break
                         if state.state in ("fault", "emergency"):
                             raise HilError(f"the rig is in {state.state}: {state.fault}")
                 except KeyboardInterrupt:
                     show("Ctrl-C: parking")
-
-    def _ride_for(self, seconds: float) -> list[str]:
-        return ["cue", "ride", self._name, "-e", self._endpoint, "--seconds", str(seconds)]
 
     def _client(self) -> RigClient:
         deadline_s = time.monotonic() + START_S
