@@ -11,12 +11,16 @@ import typer
 from rich.table import Table
 
 from hil.cli.console import JsonFlag, out, write_json
+from hil.cli.runs_import import import_command
 from hil.errors import RunError
 from hil.runs import export_run, list_runs, load_run, repair_run, signal_infos
 from hil.ui.report import run_report
 from hil.ui.report_summary import summary_lines
 
-app = typer.Typer(help="Recordings: list, show, report, export, repair.", no_args_is_help=True)
+app = typer.Typer(
+    help="Recordings: list, show, report, export, repair, import.", no_args_is_help=True
+)
+app.command("import")(import_command)
 
 RunArgument = Annotated[
     Path,

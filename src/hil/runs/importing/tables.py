@@ -1,0 +1,167 @@
+"""Logs that are one table: CSV with any separator, also compressed, and parquet."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from hil.errors import RunError
+from hil.runs.importing.mapfile import FileSettings
+from hil.runs.importing.source import Column, Stamps, no_such
+from hil.runs.table import finite_numbers
+
+_OPENERS: Final[dict[str, Callable[..., Any]]] = {
+    ".gz": gzip.open,
+    ".bz2": bz2.open,
+    ".xz": lzma.open,
+}
+_SEPARATORS: Final = (",", ";", "\t", "|")
+
+
+class TableSource:
+    """A table with one row an instant."""
+
+    row_word = "row"
+
+    def __init__(self, path: Path, table: pd.DataFrame, known: list[str]) -> None:
+        self.path = path
+        self._table = table
+        self._known = known
+
+    def column(self, name: str) -> Column:
+        """The column `name`; RunError where it is not there, or a cell is no number."""
+        return Column(finite_numbers(self._series(name), str(self.path), name))
+
+    def stamps(self, name: str | None, group: str, *, dates: bool) -> Stamps:
+        """The time column as it stands there: integers stay integers, dates stay dates."""
+        if name is None:
+            raise RunError(
+                f"{self.path}: a table has no clock of its own: give the map [time] column or rate"
+            )
+        series = self._series(name)
+        if pd.api.types.is_datetime64_any_dtype(series):
+            dates_ns: Stamps = series.dt.tz_localize(None).to_numpy(dtype="datetime64[ns]")
+            return dates_ns
+        if pd.api.types.is_integer_dtype(series) and not series.hasnans:
+            return series.to_numpy(dtype=np.int64)
+        if dates:
+            return self._dates(series, name)
+        return finite_numbers(series, str(self.path), name)
+
+    def _dates(self, series: pd.Series[Any], name: str) -> Stamps:
+        parsed = pd.to_datetime(series, errors="coerce", utc=True, format="ISO8601")
+        wrong = np.flatnonzero(parsed.isna())
+        if wrong.size:
+            row = int(wrong[0])
+            raise RunError(
+                f"{self.path}: column {name}, row {row + 1}: {series.iloc[row]!r} is no date and time "
+                "as in 2026-01-31T12:00:00.250Z"
+            )
+        return parsed.dt.tz_localize(None).to_numpy(dtype="datetime64[ns]")
+
+    def unit_of(self, name: str) -> str | None:
+        """Tables do not say."""
+        return None
+
+    def notes(self) -> Iterable[str]:
+        """Nothing is passed over."""
+        return ()
+
+    def _series(self, name: str) -> pd.Series[Any]:
+        if name not in self._table.columns:
+            raise no_such(self.path, "column", name, self._known)
+        return self._table[name]
+
+
+def read_csv(path: Path, wanted: set[str], how: FileSettings) -> TableSource:
+    """Read the `wanted` columns of a CSV file; RunError where it is none."""
+    try:
+        lines = _first_lines(path, how)
+        separator = how.separator or _separator(lines, how.decimal)
+        first = _split(lines[0], separator)
+        has_header = how.header
+        if has_header is None:
+            has_header = not how.names and not all(_is_number(c, how.decimal) for c in first)
+        known = first if has_header else list(how.names) or [str(k + 1) for k in range(len(first))]
+        if len(set(known)) < len(known):
+            twice = next(n for n in known if known.count(n) > 1)
+            raise RunError(f"{path}: the column {twice!r} stands there twice")
+        if len(known) != len(first):
+            raise RunError(f"{path}: has {len(first)} columns, the map names {len(known)}")
+        table = pd.read_csv(
+            path,
+            sep=r"\s+" if separator == " " else separator,
+            header=0 if has_header else None,
+            names=known,
+            usecols=[name for name in known if name in wanted],
+            skiprows=how.skip_rows,
+            comment=how.comment,
+            decimal=how.decimal,
+            encoding=how.encoding,
+            skipinitialspace=True,
+            low_memory=False,
+        )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeError, LookupError) as error:
+        raise RunError(f"{path}: is no table of separated values: {error}") from error
+    except (OSError, EOFError) as error:
+        raise RunError(f"{path}: cannot be read: {error}") from error
+    return TableSource(path, table, known)
+
+
+def read_parquet(path: Path, wanted: set[str]) -> TableSource:
+    """Read the `wanted` columns of a parquet file."""
+    try:
+        known = list(pq.read_schema(path).names)
+        table = pd.read_parquet(path, columns=[name for name in known if name in wanted])
+    except (pa.ArrowException, OSError) as error:
+        raise RunError(f"{path}: cannot be read as parquet: {error}") from error
+    return TableSource(path, table, known)
+
+
+def _first_lines(path: Path, how: FileSettings) -> list[str]:
+    """Up to ten lines that hold something, comments left out."""
+    opener = _OPENERS.get(path.suffix, open)
+    lines: list[str] = []
+    with opener(path, "rt", encoding=how.encoding) as stream:
+        for number, line in enumerate(stream):
+            text = line.split(how.comment)[0].rstrip("\r\n")
+            if number >= how.skip_rows and text.strip():
+                lines.append(text)
+            if len(lines) == 10:
+                break
+    if not lines:
+        raise RunError(f"{path}: is empty")
+    return lines
+
+
+def _separator(lines: list[str], decimal: str) -> str:
+    """The sign that stands most often, and equally often, in the first lines; else white space."""
+    counts = {s: {line.count(s) for line in lines} for s in _SEPARATORS if s != decimal}
+    even = [s for s, found in counts.items() if len(found) == 1 and min(found) > 0]
+    if not even:
+        even = [s for s, found in counts.items() if min(found) > 0]
+    return max(even, key=lambda s: min(counts[s]), default=" ")
+
+
+def _split(line: str, separator: str) -> list[str]:
+    cells = line.split() if separator == " " else line.split(separator)
+    return [cell.strip().strip('"').strip("'") for cell in cells]
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    if not cell:
+        return True
+    try:
+        float(cell.replace(decimal, "."))
+    except ValueError:
+        return False
+    return True
