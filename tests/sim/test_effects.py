@@ -357,6 +357,23 @@ def test_a_rig_with_any_effect_starts_at_rest(name: str) -> None:
         assert np.max(np.abs(plant.pose() - start)) < 1e-7, effect_name
 
 
+@pytest.mark.parametrize("name", RIGS)
+def test_any_mixture_of_effects_moves_on_finite_numbers(name: str) -> None:
+    job, rng = record(name), np.random.default_rng(11)
+    entries = job.twin.table.entries
+    rows = []
+    for _ in range(12):
+        row = job.twin.table.neutral.copy()
+        for i in rng.choice(len(entries), len(entries) // 3, replace=False):
+            p = entries[i]
+            z = p.to_search(p.neutral) + abs(p.to_search(p.scale)) * rng.normal()
+            row[i] = np.clip(p.from_search(z), p.lower, p.upper)
+        rows.append(row)
+    values = job.run_many(np.array(rows))
+    assert np.all(np.isfinite(values))
+    assert np.max(np.abs(values)) < 2.0 * max(a.force_max for a in job.twin.rig.actuators)
+
+
 def test_dahl_hysteresis_does_not_ask_how_fast() -> None:
     def loop(seconds: float) -> np.ndarray:
         rig = frictionless("axis", effective_mass=135.0)

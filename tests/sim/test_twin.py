@@ -122,6 +122,31 @@ def test_sensitivities_tell_what_a_small_change_does() -> None:
     assert not np.any(inert)
 
 
+def test_smooth_arrivals_make_answers_smooth_in_a_delay() -> None:
+    rig = load_rig("axis")
+    stamps = np.arange(0.5, 2.0, 0.02)
+    delays = 0.002 + 1e-4 * np.arange(21)
+
+    def bend(smooth: bool) -> float:
+        record = Twin(rig, smooth=smooth).record(motion(rig), {"axis.position": stamps})
+        table = record.twin.table
+        rows = [table.vector({"axis.transport_delay.delay": d}) for d in delays]
+        first = np.diff(record.run_many(np.array(rows)), axis=0)
+        return float(np.abs(np.diff(first, axis=0)).max() / np.abs(first).mean())
+
+    assert bend(smooth=True) < 0.5
+    assert bend(smooth=False) > 2.0  # the drive waits for its next tick
+
+
+def test_a_finer_plant_agrees_with_the_usual_one() -> None:
+    stamps = np.arange(0.5, 2.0, 0.02)
+    rig = load_rig("motorcycle")
+    samples = {"leg1.force": stamps, "leg1.position": stamps}
+    coarse, fine = (Twin(rig, substeps=n).replay(motion(rig), samples) for n in (1, 8))
+    np.testing.assert_allclose(coarse["leg1.position"], fine["leg1.position"], atol=2e-7)
+    np.testing.assert_allclose(coarse["leg1.force"], fine["leg1.force"], atol=1.0)
+
+
 def test_mode_force_replays_forces() -> None:
     rig = load_rig("motorcycle")
     twin = Twin(rig)

@@ -2,3 +2,9 @@
 
 `Plant` is driven by events in injected time and serves simulated drives; `Twin` replays recordings.
 """
+
+from hil.sim.parameters import Parameter, ParameterTable
+from hil.sim.plant import Plant
+from hil.sim.twin import Payload, Replay, Twin
+
+__all__ = ["Parameter", "ParameterTable", "Payload", "Plant", "Replay", "Twin"]

@@ -8,6 +8,9 @@ where the next one has waited less (one before it was lost) the drive pauses a c
 F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static ("Towards Simulating a Mid-size Stewart Platform
 on a Large Hexapod Simulator", eqs (7)-(8), with damping on the speed error [R]).
 
+A setpoint's delay therefore counts in whole ticks. With the model's flag for smooth arrivals the line starts
+half a position tick after the arrival, between ticks: the mean of the real start, smooth in every delay.
+
 Mode off: no current; the holding brake is closed and acts as friction of F_max. It opens when the drive
 is enabled with position setpoints at once, with force setpoints at the first of them.
 """
@@ -64,6 +67,7 @@ def deliver(header, st, i, value, t):  # type: ignore[no-untyped-def]
     elif st[lay.S_MODE, i] == lay.MODE_POSITION:
         if header[lay.H_RETIMED] == 0.0:
             st[lay.S_PENDING, i] = value
+            st[lay.S_PENDING_T, i] = t
             st[lay.S_HAS_PENDING, i] = 1.0
             return
         if st[lay.S_IDLE, i] != 0.0:
@@ -135,12 +139,17 @@ def _play(header, st, i, t):  # type: ignore[no-untyped-def]
 @compiled
 def position_loops(header, act, st, t):  # type: ignore[no-untyped-def]
     """One tick of every drive's position loop: takes setpoints, sets speed reference and pre-control."""
+    half = 0.5 * header[lay.H_DT] * header[lay.H_POSITION_TICKS]
     for i in range(st.shape[1]):
         if st[lay.S_MODE, i] != lay.MODE_POSITION:
             continue
         if st[lay.S_HAS_PENDING, i] != 0.0:
-            st[lay.S_HAS_PENDING, i] = 0.0
-            _start_segment(header, st, i, st[lay.S_PENDING, i], t)
+            start = t
+            if header[lay.H_SMOOTH] != 0.0:
+                start = st[lay.S_PENDING_T, i] + half
+            if start <= t + EPSILON_S:
+                st[lay.S_HAS_PENDING, i] = 0.0
+                _start_segment(header, st, i, st[lay.S_PENDING, i], start)
         _play(header, st, i, t)
         x_ref, speed = reference(st, i, t)
         cycle_ends = st[lay.S_T0, i] + header[lay.H_CYCLE] - EPSILON_S

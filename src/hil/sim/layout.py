@@ -80,11 +80,11 @@ JOINTS_AT = BUS_AT + 2
 
 # --- model ------------------------------------------------------------------------------------------
 H_KIND, H_N, H_DT, H_POSITION_TICKS, H_CYCLE, H_SETPOINT_DELAY, H_LINEAR, H_RETIMED = range(8)
-H_SUBSTEPS, H_GEOMETRY, H_IMU, H_STATIC_FF, H_IMU_DELAY, H_ANSWER_DELAY = range(8, 14)
-HEADER = 14
+H_SUBSTEPS, H_GEOMETRY, H_IMU, H_STATIC_FF, H_IMU_DELAY, H_ANSWER_DELAY, H_SMOOTH = range(8, 15)
+HEADER = 15
 """Header: kind, n, s per tick, ticks per position loop, s per cycle, s, flags, steps per tick, length of
 the geometry, whether there is an IMU, whether a static-force feed-forward acts, the group delay left in
-the IMU's answers s, delay of the drives' answers s."""
+the IMU's answers s, delay of the drives' answers s, whether arrivals act between ticks."""
 
 (
     A_REFLECTED, A_VISCOUS, A_COULOMB_POS, A_COULOMB_NEG, A_VMAX, A_FMAX, A_LOWER, A_UPPER, A_HOME,
@@ -103,10 +103,11 @@ BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
 (
     S_Q, S_QD, S_QDD, S_VM, S_RATE, S_RHO, S_WINDUP, S_CONTACT, S_HYST, S_SLIP, S_FRICTION, S_LOAD,
     S_CURRENT, S_FREF, S_INTEGRAL, S_VREF, S_FF, S_X0, S_X1, S_T0, S_T1, S_SLOPE, S_AREF,
-    S_MODE, S_BRAKE, S_FORCE_SETPOINT, S_PENDING, S_HAS_PENDING, S_FIFO, S_FIFO_1, S_FIFO_2, S_FIFO_3,
-    S_FIFO_T, S_FIFO_T1, S_FIFO_T2, S_FIFO_T3, S_FIFO_N, S_PLAY, S_IDLE, S_STATIC, S_XD, S_VD,
-) = range(42)  # fmt: skip
-S_ROWS = 42
+    S_MODE, S_BRAKE, S_FORCE_SETPOINT, S_PENDING, S_PENDING_T, S_HAS_PENDING,
+    S_FIFO, S_FIFO_1, S_FIFO_2, S_FIFO_3, S_FIFO_T, S_FIFO_T1, S_FIFO_T2, S_FIFO_T3, S_FIFO_N,
+    S_PLAY, S_IDLE, S_STATIC, S_XD, S_VD,
+) = range(43)  # fmt: skip
+S_ROWS = 43
 """Rows of the state: pose, its rates; motor velocity, actuator rate and position; wind-up of motor against
 load, contact, hysteresis, slip direction, friction force, transmitted force; current's force, force
 reference, integrator, speed reference, pre-control; segment of the setpoint; mode, brake; setpoints that

@@ -236,21 +236,6 @@ def _contacts(act, st, w, h):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def classify_contacts(act, st):  # type: ignore[no-untyped-def]
-    """Set the contact of each transmission by its constants, keeping a flank where there is a gap."""
-    for i in range(st.shape[1]):
-        if act[lay.A_GAP, i] > 0.0:
-            if st[lay.S_CONTACT, i] > 1.5:
-                st[lay.S_CONTACT, i] = 0.0
-        elif act[lay.A_STIFFNESS, i] == math.inf:
-            st[lay.S_CONTACT, i] = RIGID
-            st[lay.S_WINDUP, i] = 0.0
-            st[lay.S_VM, i] = st[lay.S_RATE, i]
-        else:
-            st[lay.S_CONTACT, i] = ALWAYS
-
-
-@compiled
 def step(kind, views, st, mem, force, h):  # type: ignore[no-untyped-def]
     """Advance the mechanics by h; `force` (n,) is the mean over h of the force by the drives' currents.
 

@@ -20,10 +20,11 @@ from hil.sim import layout as lay
 Array = NDArray[np.float64]
 
 
-def pack_model(rig: RigFile, substeps: int = 1) -> Array:
+def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Array:
     """Constants of the rig file's nominal model, without its `effects`; layout in `hil.sim.layout`.
 
-    `substeps` divides the speed loop's period for the integration of the plant. ConfigError where the
+    `substeps` divides the speed loop's period for the integration of the plant; `smooth`: setpoints act
+    between ticks (`hil.sim.drive_loops`). ConfigError where the
     position loop's period is no multiple of the speed loop's.
     """
     bus = rig.bus
@@ -41,7 +42,7 @@ def pack_model(rig: RigFile, substeps: int = 1) -> Array:
         float(kind_code(rig)), len(rig.actuators), bus.speed_loop, round(ticks), bus.cycle,
         bus.setpoint_delay, bus.interpolation == "linear", bus.retimed, substeps, len(geometry),
         rig.imu is not None, pd, rig.imu.delay if rig.imu else 0.0,
-        bus.answer_delay,
+        bus.answer_delay, smooth,
     ]  # fmt: skip
     return np.concatenate(
         [header, _pack_actuators(rig).ravel(), geometry, geometry, body, body, gravity, gravity,

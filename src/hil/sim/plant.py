@@ -13,10 +13,11 @@ from hil.rigs import build_rig
 from hil.signals import Quantity
 from hil.sim import layout as lay
 from hil.sim.catalogue import QUANTITIES
+from hil.sim.drive_loops import set_mode as switch
 from hil.sim.model import actuator_rows, apply_parameters, pack_model
 from hil.sim.parameters import ParameterTable
 from hil.sim.rest import REST_M, rest, state_size
-from hil.sim.run import advance, change_mode, look_up, put_outputs
+from hil.sim.run import advance, look_up, put_outputs
 from hil.sim.sensors import is_lost, reading, sensor_constants
 
 Array = NDArray[np.float64]
@@ -63,7 +64,6 @@ class Plant:
         self._ring = np.zeros((MEMORY_TICKS, 4 * self.n + 6))
         self._events = np.zeros((EVENTS, 3))
         self._waiting = 0
-        self._delay_s = [0.0] * self.n
         self._sensors = np.zeros((4 * self.n + 6, 5))
         self._homes = [a.home for a in rig.actuators]
         self._seed = abs(seed) % 2**20
@@ -71,6 +71,11 @@ class Plant:
         self._answered = 0
         self.now_s = 0.0
         apply_parameters(self._base, self.parameters, self._model)
+        self._delay_s = (rig.bus.setpoint_delay + actuator_rows(self._model)[lay.A_DELAY]).tolist()
+        for signal, row in enumerate(self._sensors):
+            sensor_constants(self.parameters, self.n, signal, row)
+        at = self.n * lay.ACTUATOR_BLOCK + lay.BUS_AT
+        self._lost_setpoints, self._lost_answers = self.parameters[at : at + 2].tolist()
         self.reset()
 
     def reset(self, pose: tuple[float, ...] | None = None, mode: DriveMode = "off") -> None:
@@ -88,7 +93,6 @@ class Plant:
             )
         self._waiting = 0
         self.now_s = 0.0
-        self._unpack()
         put_outputs(self._rows, self._tail, self._ring[0])
 
     def advance(self, to_s: float) -> None:
@@ -103,7 +107,7 @@ class Plant:
     def set_mode(self, i: int, mode: DriveMode) -> None:
         """Switch drive i: "off" closes the holding brake; "position" holds where it stands; "force" opens
         the brake at its first setpoint."""
-        change_mode(self._model, self._state, i, MODES[mode])
+        switch(self._rows, i, MODES[mode])
 
     def mode(self, i: int) -> DriveMode:
         """Mode of drive i."""
@@ -128,25 +132,7 @@ class Plant:
             if name not in GAIN_ROWS:
                 raise ConfigError(f"{name} is no gain of a drive; gains are {', '.join(GAIN_ROWS)}")
             rows[GAIN_ROWS[name], i] = value
-        self._apply()
-
-    def set_effects(self, values: dict[str, float]) -> None:
-        """Switch effects on or off while the rig runs: parameter names as in `hil.sim.parameters`."""
-        self.parameters = self.table.vector(values, self.parameters)
-        self._apply()
-
-    def _apply(self) -> None:
         apply_parameters(self._base, self.parameters, self._model)
-        change_mode(self._model, self._state, 0, -1)
-        self._unpack()
-
-    def _unpack(self) -> None:
-        own = self.rig.bus.setpoint_delay
-        self._delay_s = [own + d for d in actuator_rows(self._model)[lay.A_DELAY].tolist()]
-        for signal, row in enumerate(self._sensors):
-            sensor_constants(self.parameters, self.n, signal, row)
-        at = self.n * lay.ACTUATOR_BLOCK + lay.BUS_AT
-        self._lost_setpoints, self._lost_answers = self.parameters[at : at + 2].tolist()
 
     def position(self, i: int) -> float:
         """Motor encoder of drive i, at the output, m or rad."""

@@ -17,11 +17,10 @@ from hil.sim.drive_loops import (
     deliver,
     mean_force,
     position_loops,
-    set_mode,
     speed_loops,
 )
 from hil.sim.imu import filter_coefficients, filter_step, measure
-from hil.sim.mechanics import classify_contacts, memory, step
+from hil.sim.mechanics import memory, step
 from hil.sim.model import split
 from hil.sim.rest import read_encoders
 from hil.sim.statics import static_forces
@@ -113,17 +112,6 @@ def advance(model, state, events, count, ring, to_s):  # type: ignore[no-untyped
         k += 1
         put_outputs(st, tail, ring[k % ring.shape[0]])
     return count
-
-
-@compiled
-def change_mode(model, state, i, mode):  # type: ignore[no-untyped-def]
-    """Switch drive i at the tick the state stands at, and sort transmissions by new constants."""
-    n = int(model[lay.H_N])
-    act = split(model)[0]
-    st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))
-    if mode >= 0:
-        set_mode(st, i, mode)
-    classify_contacts(act, st)
 
 
 @compiled

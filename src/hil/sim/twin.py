@@ -38,13 +38,24 @@ class Twin:
 
     Signals: `<actuator>.position|velocity|force|current`, `imu.gyro_x` .. `imu.accel_z`, and the true
     `pose.<coordinate>`, which no sensor effect touches.
+
+    `substeps` divides the speed loop's period for a finer plant. `smooth`: setpoints act between the ticks of
+    the position loop, so that answers depend smoothly on delays: for fits of delays; without it the drives'
+    ticks are kept and a simulated record comes out to the last digit.
     """
 
-    def __init__(self, rig: RigFile, *, substeps: int = 1, payload: Payload | None = None) -> None:
+    def __init__(
+        self,
+        rig: RigFile,
+        *,
+        substeps: int = 1,
+        smooth: bool = False,
+        payload: Payload | None = None,
+    ) -> None:
         self.rig = rig
         self.table = ParameterTable(rig)
         self.parameters = self.table.from_effects(rig.effects)
-        self.model = pack_model(rig, substeps)
+        self.model = pack_model(rig, substeps, smooth=smooth)
         if payload is not None:
             add_payload(self.model, payload.mass, payload.position)
         names = [f"{a}.{q}" for q in QUANTITIES for a in rig.actuator_names]
@@ -152,13 +163,19 @@ class Replay:
         replay(self.twin.model, np.asarray(vector, dtype=float), *self._arguments, out)
         return out
 
-    def run_many(self, parameters: Array, workers: int | None = None) -> Array:
-        """`run` for each row of `parameters` (B, P) → (B, N), on all cores: compiled code holds no lock."""
+    def run_many(
+        self, parameters: Array, workers: int | None = None, models: Sequence[Array] | None = None
+    ) -> Array:
+        """`run` for each row of `parameters` (B, P) → (B, N), on all cores: compiled code holds no lock.
+
+        `models`: a packed model for each row, where rows also differ in numbers of the rig file.
+        """
         out = np.empty((len(parameters), self.size))
         rows = np.ascontiguousarray(parameters, dtype=float)
+        bases = [self.twin.model] * len(rows) if models is None else models
 
         def one(b: int) -> None:
-            replay(self.twin.model, rows[b], *self._arguments, out[b])
+            replay(bases[b], rows[b], *self._arguments, out[b])
 
         with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
             list(pool.map(one, range(len(rows))))
