@@ -26,8 +26,8 @@ def rig_file(name: str = "motorcycle", **tables: dict) -> RigFile:
 class Session(SimulatedSession):
     """A session that remembers what the core told."""
 
-    def __init__(self, rig: RigFile | None = None, **options) -> None:
-        super().__init__(rig or rig_file(), PROFILES, **options)
+    def __init__(self, rig: RigFile | None = None, profiles=PROFILES, **options) -> None:
+        super().__init__(rig or rig_file(), profiles, **options)
         self.records: list[Record] = []
         self.on_record = self.records.append
         self._seq = 0

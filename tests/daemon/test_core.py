@@ -13,7 +13,7 @@ from hil.daemon.records import ReplyRecord, SetpointRecord, StateRecord
 from hil.errors import CommandRefused
 from hil.frames import Frame
 from hil.signals import Cue, TimedPose
-from tests.daemon.simulated_rig import Session, rig_file
+from tests.daemon.simulated_rig import PROFILES, Session, rig_file
 
 
 def test_it_comes_up_disarmed_and_silent_towards_the_power_stages():
@@ -46,6 +46,19 @@ def test_computed_torque_tracks_better_than_the_drives_own_cascade():
         return float(np.sqrt(np.mean([s.tracking_error**2 for s in states])))
 
     assert error("computed_torque") < 0.2 * error("drive")
+
+
+def test_without_torque_references_computed_torque_leads_the_setpoints():
+    profile = PROFILES["lust_cdd3000"]
+    layout = profile.layout.model_copy(update={"torque_reference": False})
+    profiles = {"lust_cdd3000": profile.model_copy(update={"layout": layout})}
+    session = Session(rig_file(control={"mode": "computed_torque"}), profiles=profiles)
+    session.engaged(6.0)
+    assert {r.kind for r in session.of(SetpointRecord)} == {"position"}
+    errors = [s.tracking_error for s in session.of(StateRecord) if s.state == "engaged"][250:]
+    plain = Session().engaged(6.0)
+    lagging = [s.tracking_error for s in plain.of(StateRecord) if s.state == "engaged"][250:]
+    assert np.sqrt(np.mean(np.square(errors))) < 0.3 * np.sqrt(np.mean(np.square(lagging)))
 
 
 def test_the_same_session_comes_out_the_same_to_the_bit():

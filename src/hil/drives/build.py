@@ -34,10 +34,11 @@ def _check(rig: RigFile, profile: LustProfile) -> None:
             'in a slot; set "parameter"'
         )
     layout, stride = profile.layout, profile.ids.stride
-    if rig.control.mode != "drive" and not layout.torque_reference:
+    if rig.control.mode == "cascade" and not layout.torque_reference:
         raise ConfigError(
-            f"{rig.name}: control.mode = {rig.control.mode!r} sends forces, which {profile.name} does "
-            'not take (layout.torque_reference = false); use mode "drive" with control.precontrol = true'
+            f'{rig.name}: control.mode = "cascade" sends forces, which {profile.name} does not take '
+            '(layout.torque_reference = false); use mode "drive", or "computed_torque", whose forces '
+            "then lead the position setpoints"
         )
     if "position" not in rig.bus.pattern and not layout.status_carries_position:
         raise ConfigError(f'{rig.name}: bus.pattern must ask for "position" at least once')

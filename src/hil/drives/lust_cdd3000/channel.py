@@ -60,7 +60,7 @@ class ParameterChannel:
             tuple(questions[q] for q in rig.bus.pattern), profile.timing.answer_wait
         )
         self.configuration = Configuration(
-            settings_of(rig, actuator, profile, kind_of(rig)),
+            settings_of(rig, actuator, profile, kind_of(rig, profile)),
             gains_of(actuator, profile),
             barrier=questions["position"].number,
         )

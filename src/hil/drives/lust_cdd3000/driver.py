@@ -39,7 +39,7 @@ class LustDriver:
         actuator = rig.actuators[index]
         address = rig.address(index)
         self.name = actuator.name
-        self.setpoint_kind = kind_of(rig)
+        self.setpoint_kind = kind_of(rig, profile)
         self.frames = frame_ids(profile.ids, address)
         self.told = False
         """A control frame has been sent since the drive last logged on."""

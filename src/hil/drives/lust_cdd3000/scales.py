@@ -9,9 +9,13 @@ from hil.drives.profile import LustProfile
 from hil.signals import Quantity
 
 
-def kind_of(rig: RigFile) -> SetpointKind:
-    """What the control mode sends: position in mode "drive", force in all others."""
-    return "position" if rig.control.mode == "drive" else "force"
+def kind_of(rig: RigFile, profile: LustProfile) -> SetpointKind:
+    """What is sent: force in the modes that reckon forces, where the firmware takes any; else position.
+
+    Without a torque reference computed torque sends positions that lead by its speeds and forces.
+    """
+    takes_force = profile.layout.torque_reference
+    return "force" if rig.control.mode != "drive" and takes_force else "position"
 
 
 class Scales:
