@@ -284,3 +284,31 @@ def test_a_rig_that_stands_outside_its_workspace_can_come_home():
 def test_a_pose_that_is_not_finite_cannot_be_started_from():
     with pytest.raises(LimitViolation, match="finite"):
         CueShaper(RIG, MANIPULATOR).reset(np.array([0.0, np.nan, 0.0]))
+
+
+def test_a_cue_that_is_known_ahead_is_met_without_the_lag_of_a_guess():
+    """Three swings a second: a client that sends its next 80 ms is followed several times closer."""
+    rig = load_rig("motorcycle")
+    hz, amplitude = 3.0, 0.004
+
+    def wanted(t_s):
+        ease = min(max(t_s - 3.0, 0.0), 1.0)
+        swing = amplitude * ease**3 * (10 - 15 * ease + 6 * ease**2)
+        return (0.0, swing * np.sin(2 * np.pi * hz * t_s), 0.0)
+
+    def worst(ahead_s):
+        shaper = CueShaper(rig, build_rig(rig))
+        shaper.reset(np.zeros(3))
+        shaper.follow()
+        errors = []
+        for k in range(600):
+            now_s = k * rig.bus.cycle
+            offsets = np.arange(0.0, ahead_s + 1e-9, 0.005)
+            poses = tuple(TimedPose(float(d), wanted(now_s + d)) for d in offsets)
+            shaper.accept(Cue("c", k, now_s, now_s, poses))
+            made = shaper.step(now_s)
+            errors.append(abs(made.pose[1] - wanted(made.t_s)[1]))
+        assert not shaper.counts
+        return max(errors[420:]) / amplitude
+
+    assert worst(0.08) < 0.01 < 2.0 * worst(0.08) < worst(0.02)

@@ -50,18 +50,17 @@ class CoordinatePlanner:
             each.target_acceleration = [0.0]
         self._trajectory = Trajectory(1)
 
-    def follow(self, s: State, target: State, within_s: float, speed_share: float) -> State | None:
-        """First cycle of the minimum-jerk path that meets the target in `within_s`; None over a limit.
+    def follow(self, s: State, end: State, within_s: float, speed_share: float) -> State | None:
+        """First cycle of the minimum-jerk path that is at `end` after `within_s`; None over a limit.
 
-        The quintic between two states starts with jerk 60 Δp/T³ - (36 v0 + 24 v1)/T² + (3 a1 - 9 a0)/T.
-        With the target's own state carried on for T as its end that is the law below, with poles
-        near 3.7/T and no steady lag behind constant acceleration.
+        The quintic between two states starts with jerk 60 Δp/T³ - (36 v0 + 24 v1)/T² + (3 a1 - 9 a0)/T:
+        poles near 3.7/T whatever the end does, and no lag behind a motion whose end is known.
         """
         t = within_s
         jerk = (
-            60.0 * (target.p - s.p) / t**3
-            + 36.0 * (target.v - s.v) / t**2
-            + 9.0 * (target.a - s.a) / t
+            60.0 * (end.p - s.p) / t**3
+            - (36.0 * s.v + 24.0 * end.v) / t**2
+            + (3.0 * end.a - 9.0 * s.a) / t
         )
         after = self._constant_jerk(s, jerk)
         # Taking the acceleration back to zero must not carry the velocity over its limit.

@@ -212,9 +212,19 @@ class CueShaper:
             return None
         age = min(max(now_s - self._track.newest_s, 0.0), self._stale_s)
         self._guessed_s += (age - self._guessed_s) * self._cycle_s / GUESS_SMOOTH_S
-        present = self._target(now_s, now_s)
         pose, velocity, _ = self._target(now_s, now_s + self._cycle_s)
-        return _Goals(present, pose, velocity, 1.0)
+        return _Goals(self._met(now_s), pose, velocity, 1.0)
+
+    def _met(self, now_s: float) -> tuple[Vector, Vector, Vector]:
+        """The target's state in which to meet it: the cue's own where it reaches so far ahead.
+
+        Else the present one, carried on with its acceleration: no lag behind constant acceleration.
+        """
+        t = self._within_s
+        if now_s + t <= self._track.newest_s:
+            return self._target(now_s, now_s + t)
+        p, v, a = self._target(now_s, now_s)
+        return p + t * (v + 0.5 * t * a), v + t * a, a
 
     @property
     def _within_s(self) -> float:
@@ -228,9 +238,9 @@ class CueShaper:
             if goals is None:
                 plans.append(_stop(planner, s))
                 continue
-            if goals.present is not None:
-                now = State(*(float(x[k]) for x in goals.present))
-                step = planner.follow(s, now, self._within_s, speed_share)
+            if goals.met is not None:
+                end = State(*(float(x[k]) for x in goals.met))
+                step = planner.follow(s, end, self._within_s, speed_share)
                 stop = None if step is None else planner.stopping(step)
                 if step is not None and stop is not None:
                     plans.append((step, stop))
@@ -266,9 +276,9 @@ _Plan = tuple[State, Trajectory | None]
 
 
 class _Goals(NamedTuple):
-    """Targets of one cycle: `present` to follow smoothly, else pose and velocity to reach quickly."""
+    """Targets of one cycle: `met` to follow smoothly, else pose and velocity to reach quickly."""
 
-    present: tuple[Vector, Vector, Vector] | None
+    met: tuple[Vector, Vector, Vector] | None
     pose: Vector
     velocity: Vector
     share: float
