@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import pi
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -69,7 +70,14 @@ class Imu(Settings):
     )
     rate: Positive = Field(200.0, description="samples a second, Hz")
     bandwidth: Positive = Field(150.0, description="its low-pass filter, second order, Hz")
-    delay: NonNegative = Field(0.0, description="group delay left in its answers, s")
+    delay: NonNegative = Field(
+        0.0, description="delay left in its time stamps, s, its filter's group delay apart"
+    )
+
+    @property
+    def group_delay_s(self) -> float:
+        """Of its filter, second-order Butterworth, at low frequency: 2 ζ / ω = √2 / (2 π f)."""
+        return 2.0**0.5 / (2.0 * pi * self.bandwidth)
 
 
 class Noise(Settings):

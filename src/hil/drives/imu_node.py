@@ -56,7 +56,10 @@ def decode(base_id: int, frame: Frame) -> ImuReading:
 
 
 class ImuReceiver:
-    """Turns the node's frames into samples and counts what was lost or malformed."""
+    """Turns the node's frames into samples and counts what was lost or malformed.
+
+    `delay_s` is the sensor's own, its filter's group delay: what is received now held so long ago.
+    """
 
     def __init__(self, base_id: int, delay_s: float) -> None:
         self.base_id = base_id

@@ -90,10 +90,12 @@ class Content:
         return self._taker(DriveMessage, use)
 
     def _take_imu(self, message: ImuMessage, _: float) -> None:
+        """Rows stand where the values held: the sensor's filter delay is taken out, as everywhere."""
+        held = message.t if message.sampled is None else message.sampled
         for quantity in IMU_QUANTITIES:
             value = getattr(message, quantity)
             if value is not None:
-                self.signals.add(f"imu.{quantity}", message.t, value)
+                self.signals.add(f"imu.{quantity}", held, value)
 
     def _take_setpoint(self, message: SetpointMessage, _: float) -> None:
         column = _SETPOINT_COLUMN.get(message.kind)

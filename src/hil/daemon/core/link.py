@@ -27,7 +27,7 @@ class Link:
             gate_limits(rig, drives[0].setpoint_kind), drives.meaning, read_only=read_only
         )
         self.monitor = Monitor(rig, drives.meaning)
-        self.imu = ImuReceiver(rig.can.imu_base_id, rig.imu.delay) if rig.imu else None
+        self.imu = ImuReceiver(rig.can.imu_base_id, rig.imu.group_delay_s) if rig.imu else None
         self._index = {name: i for i, name in enumerate((*rig.actuator_names, "imu"))}
         self._findings: list[Finding] = []
         self._records: list[Record] = []
