@@ -6,7 +6,7 @@ need not guess where the motion goes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -21,8 +21,8 @@ Motion = Callable[[Array], Array]
 """Poses (k, coordinates) at times (k,), s; rad or m."""
 
 RATE_HZ: Final = 50.0
-AHEAD_S: Final = (0.0, 0.03, 0.06)
-"""Instants of a cue's poses after its own, s."""
+AHEAD_S: Final = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1)
+"""Instants of a cue's poses after its own, s: shaping looks 50 ms ahead of the newest cue, one may be late."""
 
 
 def motion_of(trajectory: CueTrajectory) -> Motion:
@@ -33,14 +33,19 @@ def motion_of(trajectory: CueTrajectory) -> Motion:
 
 
 def cues(
-    motion: Motion, start_s: float, end_s: float, client: str, rate_hz: float = RATE_HZ
+    motion: Motion,
+    start_s: float,
+    end_s: float,
+    client: str,
+    rate_hz: float = RATE_HZ,
+    ahead_s: Sequence[float] = AHEAD_S,
 ) -> Iterator[Cue]:
     """Cues from `start_s` to `end_s` of `motion`; their own times count from 0."""
-    ahead_s = np.array(AHEAD_S)
+    offsets_s = np.asarray(ahead_s)
     for k in range(int((end_s - start_s) * rate_hz + 1.0e-9) + 1):
         at_s = k / rate_hz
-        poses = motion(start_s + at_s + ahead_s)
+        poses = motion(start_s + at_s + offsets_s)
         timed = tuple(
-            TimedPose(dt_s, tuple(pose)) for dt_s, pose in zip(AHEAD_S, poses.tolist(), strict=True)
+            TimedPose(dt_s, tuple(pose)) for dt_s, pose in zip(ahead_s, poses.tolist(), strict=True)
         )
         yield Cue(client, k, at_s, at_s, timed)
