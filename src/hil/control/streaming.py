@@ -22,7 +22,7 @@ Motion = Callable[[Array], Array]
 
 RATE_HZ: Final = 50.0
 AHEAD_S: Final = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1)
-"""Instants of a cue's poses after its own, s: shaping looks 50 ms ahead of the newest cue, one may be late."""
+"""Instants of a cue's poses after its own, s: shaping looks 50 ms ahead, and a cue may be late."""
 
 
 def motion_of(trajectory: CueTrajectory) -> Motion:
