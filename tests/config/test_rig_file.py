@@ -104,7 +104,7 @@ def test_a_file_that_is_no_toml_names_the_place(tmp_path):
 
 
 def test_a_name_that_is_not_there_lists_those_that_are():
-    with pytest.raises(ConfigError, match=r"axis, motorcycle"):
+    with pytest.raises(ConfigError, match=r"come with hil are axis, .*motorcycle"):
         load_rig("lorry")
 
 

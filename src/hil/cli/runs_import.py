@@ -50,7 +50,9 @@ def _show(report: ImportReport) -> None:
     for s in report.signals:
         signals.add_row(
             escape(s.name), escape(s.column), s.unit, escape(s.clock), str(s.samples),
-            f"{s.rate_hz:.5g} Hz", f"{s.lowest:.5g}", f"{s.highest:.5g}",
+            f"{s.rate_hz:.4g} Hz",
+            f"{s.lowest:.4g}",
+            f"{s.highest:.4g}",
         )  # fmt: skip
     out.print(signals)
     checks = Table("check", "of", "verdict", Column("finding", overflow="fold"))

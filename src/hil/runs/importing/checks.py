@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil.config import RigFile
+from hil.errors import RunError
 from hil.runs.importing.convert import Signal
 from hil.runs.importing.findings import Finding, Verdict
 from hil.runs.importing.source import Array
@@ -23,11 +24,10 @@ ACCEL_NORM: Final = (5.0, 15.0)
 
 
 def check_signal(signal: Signal, source: str) -> list[Finding]:
-    """All checks that need no other signal and no rig."""
+    """All checks that need no other signal and no rig; RunError where there is nothing to check."""
     there = ~np.isnan(signal.values)
     if not there.any():
-        text = f"{source}: column {signal.column}: holds no value at all"
-        return [Finding("nan_block", signal.name, "fault", text)]
+        raise RunError(f"{source}: column {signal.column}: holds no value at all")
     found = [*_nan_blocks(signal, there, source), *_clipping(signal, source)]
     values = signal.values[there]
     if values.min() == values.max():
@@ -72,7 +72,7 @@ def _clipping(signal: Signal, source: str) -> list[Finding]:
     if len(moving) < 20:
         return []
     fast = max(3.0 * float(moving.min()), 0.25 * float(np.sqrt(np.mean(moving**2))))
-    for level in (float(values.max()), float(values.min())):
+    for level in {float(values.max()), float(values.min())} - {0.0}:  # 0 is rest
         starts, ends = _runs(values == level)
         # The step onto a plateau is cut short by it: the one before tells the speed.
         sides = [max(steps[max(a - 2, 0) : a], default=0.0) for a in starts]
@@ -145,4 +145,4 @@ def check_sizes(signals: dict[str, Signal], rig: RigFile | None, source: str) ->
 
 def _largest(signal: Signal) -> float:
     values: Array = np.abs(signal.samples()[1])
-    return float(np.percentile(values, 99.9)) if len(values) else 0.0
+    return float(np.percentile(values, 99.9))

@@ -46,6 +46,8 @@ def timeline(source: Source, clock: Clock, group: str, length: int) -> Timeline:
     label = clock.column or ("" if clock.rate is None else f"{clock.rate:g} Hz")
     label = f"{group} {label or 'log time'}".strip()
     where = f"{source.path}: " + (f"column {clock.column}" if clock.column else f"clock {label}")
+    if length < 2:
+        raise RunError(f"{source.path}: holds {length} {source.row_word}s, that is no run")
     if clock.column is None and clock.rate is not None:
         rows = np.arange(length)
         return Timeline(label, where, source.row_word, clock.shift, rows / clock.rate, rows, length)
@@ -54,6 +56,8 @@ def timeline(source: Source, clock: Clock, group: str, length: int) -> Timeline:
         raise RunError(f"{where}: holds {len(raw)} stamps for columns of {length} values")
     t, origin, rows = _seconds(raw, clock, where)
     check_increasing(t + origin, where, source.row_word, strictly=False)
+    if t[-1] == 0.0:
+        raise RunError(f"{where}: every stamp is {origin:.6f} s: is it a clock?")
     if clock.rate is not None:
         t = _snapped(t, clock.rate, where, source.row_word)
     return Timeline(label, where, source.row_word, origin + clock.shift, t, rows, length)
@@ -140,17 +144,15 @@ def check_clocks(lines: Sequence[Timeline]) -> list[Finding]:
     found: list[Finding] = []
     if len(lines) < 2:
         return found
-    first = max(lines, key=lambda line: float(line.t_s[-1]))
+    first = lines[0]
     start, end = first.origin_s, first.origin_s + float(first.t_s[-1])
-    for line in lines:
-        if line is first:
-            continue
+    for line in lines[1:]:
         a, b = line.origin_s, line.origin_s + float(line.t_s[-1])
         spans = (
             f"{line.where}: runs from {a:.6g} to {b:.6g} s, the clock {first.label} from {start:.6g} to "
             f"{end:.6g} s"
         )
-        share = (min(b, end) - max(a, start)) / (end - start)
+        share = (min(b, end) - max(a, start)) / max(b - a, end - start)
         if share <= 0.0:
             text = f"{spans}: they have no instant in common; give one of them a `shift`"
             found.append(Finding("clock_span", line.label, "fault", text))

@@ -75,7 +75,7 @@ def _following(setpoint: Signal, position: Signal, source: str) -> Finding:
     best = int(np.argmax(size * (1.0 - 0.2 * np.abs(lags) / max(reach, 1))))
     while 0 < best < len(c) - 1 and max(size[best - 1], size[best + 1]) > size[best]:
         best += 1 if size[best + 1] > size[best - 1] else -1
-    delay = (lags[best] + _vertex(c, best)) * step
+    delay = (lags[best] + _part_of_step(rates[0], rates[1], int(lags[best]))) * step
     said = f"{delay * 1e3:.2f} ms behind its setpoint (correlation of the rates {c[best]:.3f})"
     where = f"{source}: column {position.column}"
     if c[best] < -LIKE:
@@ -90,12 +90,14 @@ def _following(setpoint: Signal, position: Signal, source: str) -> Finding:
     return Finding("delay", name, "ok", said)
 
 
-def _vertex(c: Array, k: int) -> float:
-    """Place of the extreme between samples, by a parabola through three."""
-    if not 0 < k < len(c) - 1:
-        return 0.0
-    bend = c[k - 1] - 2.0 * c[k] + c[k + 1]
-    return float(0.5 * (c[k - 1] - c[k + 1]) / bend) if bend != 0.0 else 0.0
+def _part_of_step(leading: Array, following: Array, lag: int) -> float:
+    """What is left of a delay of `lag` steps, in steps: the shift that brings the two nearest."""
+    n = len(leading) - abs(lag)
+    a = leading[max(-lag, 0) :][:n]
+    b = following[max(lag, 0) :][:n]
+    slope = np.gradient(a)
+    power = float(slope @ slope)
+    return float((a - b) @ slope) / power if power > 0.0 else 0.0
 
 
 def _velocity(velocity: Signal, position: Signal, source: str) -> list[Finding]:
