@@ -109,7 +109,7 @@ def riding(bench):
     """The bench with an armed rig that follows cues."""
     bench.simulated = bench.simulate()
     bench.control = bench.daemon()
-    with bench.client() as client:
+    with contextlib.closing(bench.client()) as client:
         in_state(client, "parked")
         assert client.command("arm").ok
         sway(client, 1.0)
@@ -135,15 +135,19 @@ def test_a_second_daemon_of_the_same_rig_refuses_to_start(riding):
     said = second.communicate()[0]
     assert str(riding.control.pid) in said
     riding.processes.remove(second)
+    assert riding.rig.state().state in ("parking", "parked")  # nobody sent cues meanwhile
+    assert riding.rig.command("arm").ok
     sway(riding.rig, 0.5)
     assert riding.rig.state().state == "engaged"
 
 
 def test_killing_control_stops_the_drives_and_a_new_daemon_comes_up_disarmed(riding):
+    (gateway,) = children_of(riding.control.pid)
     riding.control.kill()
     riding.control.wait()
+    wait_for(lambda: not Path(f"/proc/{gateway}").exists())
     again = riding.daemon()
-    with riding.client() as client:
+    with contextlib.closing(riding.client()) as client:
         in_state(client, "parked", "fault")
         if client.state().state == "fault":
             assert "drive_error: axis" in client.state().fault
