@@ -12,7 +12,8 @@ HilError
 ├── RigNotReached        no daemon of this rig answers at the endpoint, or it fell silent
 ├── RigInUse             another daemon already runs this rig
 ├── CommandRefused       the rig's state does not allow this command
-└── RunError             a recording cannot be read: names file, column and row
+├── RunError             a recording cannot be read: names file, column and row
+└── IdentificationError  these data cannot answer what was asked: names signal or parameter, and what to do
 """
 
 from __future__ import annotations
@@ -68,3 +69,7 @@ class CommandRefused(HilError):
 
 class RunError(HilError):
     """A recording cannot be read. The message names file, column and row."""
+
+
+class IdentificationError(HilError):
+    """These data cannot answer what was asked. The message names the signal and what to do."""

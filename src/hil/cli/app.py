@@ -7,7 +7,7 @@ import sys
 import typer
 
 from hil import __version__
-from hil.cli import client, config, cue, demo, rig, runs
+from hil.cli import client, config, cue, demo, identify, rig, runs
 from hil.cli.console import complain
 from hil.errors import HilError
 
@@ -26,6 +26,7 @@ app.command()(client.command)
 app.command()(client.watch)
 app.add_typer(config.app, name="config")
 app.add_typer(cue.app, name="cue")
+app.add_typer(identify.app, name="identify")
 app.add_typer(runs.app, name="runs")
 
 

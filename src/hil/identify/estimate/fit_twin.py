@@ -1,0 +1,191 @@
+"""Output-error identification through the twin: any parameters, any signals, payloads included."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.config import RigFile
+from hil.identify.estimate.directions import UNTOLD, analyse
+from hil.identify.estimate.fit import Curves, Outcome, checked
+from hil.identify.estimate.gridsearch import grid_search
+from hil.identify.estimate.names import FORCE_GAIN
+from hil.identify.estimate.outputerror import OutputErrorFit, fit
+from hil.identify.estimate.result import Identification, estimates
+from hil.identify.estimate.twinproblem import TwinProblem
+from hil.identify.replay import Stretch
+from hil.runs import Run
+
+Array = NDArray[np.float64]
+SEPARATE: Final = (
+    "weigh the cabin and fix mass.m in the rig file, or record a second run with a known payload "
+    "([payload] in run.toml), or record the drives' forces"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TwinOptions:
+    """What to fit, and to which signals."""
+
+    parameters: tuple[str, ...] = ()
+    """Names; empty: mass, principal moments, and each actuator's friction and command delay."""
+    quantities: tuple[str, ...] = ("position", "force")
+    grid: Mapping[str, tuple[float, float, int]] | None = None
+    """Search these (lowest, highest, points) before the local fit."""
+
+
+def default_parameters(rig: RigFile) -> tuple[str, ...]:
+    """What `TwinOptions` fits unless told: delays stand among them, for they pass for friction."""
+    body = {
+        "axis_1dof": ("mass.m",),
+    }.get(rig.kind, ("mass.m", "mass.inertia.xx", "mass.inertia.yy", "mass.inertia.zz"))
+    each = [
+        f"{a}.{field}"
+        for a in rig.actuator_names
+        for field in ("viscous", "coulomb", "transport_delay.delay")
+    ]
+    return (*body, *each)
+
+
+def identify_twin(runs: Sequence[Run], rig: RigFile, options: TwinOptions | None = None) -> Outcome:
+    """Identify by the twin. IdentificationError says what is missing."""
+    options = options or TwinOptions()
+    pieces, notes = checked(runs, rig)
+    names = options.parameters or default_parameters(rig)
+    problem = TwinProblem(rig, pieces, names, options.quantities)
+    best = None
+    method = "twin"
+    if options.grid is not None:
+        found = grid_search(problem, options.grid)
+        method, best = "grid", found.best
+        if len(found.alike) > 1:
+            notes.append(
+                f"{len(found.alike)} of {len(found.points)} grid points explain the data as well as the "
+                f"best one: {_ranges(problem, options.grid, found.alike)}"
+            )
+    best = best or fit(problem)
+    return Outcome(
+        identification_of(problem, best, method, tuple(r.path.name for r in runs), notes),
+        _curves(rig, pieces, problem, best),
+    )
+
+
+def identification_of(
+    problem: TwinProblem,
+    best: OutputErrorFit,
+    method: str,
+    runs: tuple[str, ...],
+    notes: Sequence[str] = (),
+) -> Identification:
+    """The result of a finished output-error fit."""
+    notes = list(notes)
+    notes += [
+        f"{n} stands at its bound: the model lacks something, or the data" for n in best.at_bound
+    ]
+    analysis = analyse(problem.names, best.covariance, problem.scale)
+    reasons = _gauge_reasons(problem, best)
+    if reasons:
+        notes += _ratios(problem, best, list(reasons))
+    rows = [(x.name, x.unit, x.value, x.scale) for x in problem.numbers]
+    shares: dict[str, list[float]] = {}
+    for name, part in problem.signals:
+        e, y = best.residual[part], problem.measured[part]
+        shares.setdefault(name, []).append(float(np.std(e)) / max(float(np.std(y)), 1e-300))
+    return Identification(
+        rig=problem.rig.name, runs=runs, method=method,
+        estimates=estimates(rows, best.values, best.covariance, best.dof, analysis, reasons),
+        fit={name: float(np.mean(x)) for name, x in shares.items()},
+        rank=analysis.rank - bool(reasons), condition=analysis.condition,
+        untold=(
+            *((_gauge_text(list(reasons)),) if reasons else ()),
+            *(d.text for d in analysis.untold),
+        ),
+        effective_samples=float(len(best.white)), notes=tuple(notes),
+    )  # fmt: skip
+
+
+def force_scale_deviation(problem: TwinProblem, best: OutputErrorFit) -> float:
+    """Standard deviation of the logarithm of the scale of all forces and masses, from these signals alone.
+
+    Infinite where positions follow from ratios of forces only: multiplying every mass, friction and gain by
+    the same number changes nothing that an encoder sees [V].
+    """
+    step = 0.02
+    change = problem.force_scale(best.values, 1.0 + step) - problem.force_scale(best.values, 1.0)
+    slope = best.noise.whiten(problem, change / step)
+    variance = 2.0 * best.cost / best.dof
+    return float(np.sqrt(variance / max(float(slope @ slope), 1e-300)))
+
+
+def _gauge_reasons(problem: TwinProblem, best: OutputErrorFit) -> dict[str, str]:
+    """Reasons for parameters that carry N or kg, where the signals do not tell the scale of forces."""
+    carried = [
+        x.name for x in problem.numbers if x.unit.startswith(("N", "kg")) or x.name == FORCE_GAIN
+    ]
+    if not carried or force_scale_deviation(problem, best) < UNTOLD:
+        return {}
+    return {
+        name: (
+            f"positions tell {name} only in proportion to "
+            f"{_list([c for c in carried if c != name]) or 'the drives gains'} and to the rig file's "
+            f"friction and rotor masses; {SEPARATE}"
+        )
+        for name in carried
+    }
+
+
+def _gauge_text(names: Sequence[str]) -> str:
+    return " = ".join(f"log {n}" for n in names) + " (all forces and masses alike)"
+
+
+def _ratios(problem: TwinProblem, best: OutputErrorFit, names: Sequence[str]) -> list[str]:
+    """What the data do tell of inseparable parameters: ratios to the first gain, or to the first of them."""
+    base = FORCE_GAIN if FORCE_GAIN in names else names[0]
+    b = problem.names.index(base)
+    out = []
+    for name in names:
+        k = problem.names.index(name)
+        if k == b or best.values[b] == 0.0:
+            continue
+        ratio = best.values[k] / best.values[b]
+        slope = np.zeros(len(problem.names))
+        slope[k], slope[b] = 1.0 / best.values[b], -ratio / best.values[b]
+        std = float(np.sqrt(max(float(slope @ best.covariance @ slope), 0.0)))
+        out.append(
+            f"{name} / {base} = {ratio:.5g} ± {1.96 * std:.2g} (95 %): this ratio the data do tell"
+        )
+    return out
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(names)
+
+
+def _ranges(
+    problem: TwinProblem, grid: Mapping[str, tuple[float, float, int]], alike: Array
+) -> str:
+    columns = {n: alike[:, problem.names.index(n)] for n in grid}
+    return ", ".join(f"{n} from {c.min():.4g} to {c.max():.4g}" for n, c in columns.items())
+
+
+def _curves(
+    rig: RigFile, pieces: Sequence[Stretch], problem: TwinProblem, best: OutputErrorFit
+) -> tuple[Curves, ...]:
+    predicted = problem.stretch_samples(best.values)
+    out = []
+    for name in rig.actuator_names:
+        parts = []
+        for piece, answer in zip(pieces, predicted, strict=True):
+            if f"{name}.force" not in answer:
+                continue
+            t, force = piece.samples[f"{name}.force"]
+            at, x = piece.samples.get(f"{name}.position", (t, np.zeros_like(t)))
+            speed = np.interp(t, at, np.gradient(x, at))
+            parts.append((t, speed, force, answer[f"{name}.force"]))
+        if parts:
+            out.append(Curves(name, *(np.concatenate(c) for c in zip(*parts, strict=True))))
+    return tuple(out)

@@ -1,0 +1,217 @@
+"""Least squares through the twin, with residuals made white, and the profile of any one parameter.
+
+Each signal's residuals are divided by their own spread and run through the inverse of their own
+autoregression (Cochrane and Orcutt), so that what is minimised is nearly independent and the information
+matrix gives intervals that hold (Ljung, System Identification, ch. 9) [M].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from hil.errors import IdentificationError
+from hil.identify.estimate.twinproblem import TwinProblem
+
+Array = NDArray[np.float64]
+ORDER: Final = 8
+"""Most terms of a residual's autoregression."""
+ROUNDS: Final = 3
+"""Fits, each with the noise model of the one before."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseModel:
+    """Spread and autoregression of each signal's residuals, in the order of the problem's signals."""
+
+    sigma: tuple[float, ...]
+    ar: tuple[Array, ...]
+
+    def whiten(self, problem: TwinProblem, flat: Array) -> Array:
+        """(N, ...) residuals or sensitivities as they count."""
+        out = np.empty_like(flat)
+        for (_, part), sigma, ar in zip(problem.signals, self.sigma, self.ar, strict=True):
+            out[part] = lfilter(np.concatenate([[1.0], -ar]), [1.0], flat[part] / sigma, axis=0)
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class OutputErrorFit:
+    """Parameters (P,), their covariance, residuals (N,) in the signals' units."""
+
+    values: Array
+    covariance: Array
+    residual: Array
+    noise: NoiseModel
+    white: Array
+    """(N,) residuals as they count: independent, near 1."""
+    jacobian: Array
+    """(N, P) sensitivities, whitened."""
+    at_bound: tuple[str, ...]
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squares of `white`."""
+        return 0.5 * float(self.white @ self.white)
+
+    @property
+    def dof(self) -> float:
+        """Degrees of freedom of intervals."""
+        return float(len(self.white) - len(self.values))
+
+
+def fit(problem: TwinProblem, start: Array | None = None) -> OutputErrorFit:
+    """Fit from `start` (default: the rig file). IdentificationError where the twin cannot follow the data."""
+    lower, upper = problem.bounds
+    values = np.clip(problem.start if start is None else start, lower, upper)
+    noise = _first_noise(problem)
+    for _ in range(ROUNDS):
+        values = _minimise(problem, values, noise)
+        residual = _residual(problem, values)
+        noise = noise_of(problem, residual)
+    return at(problem, values, noise)
+
+
+def at(problem: TwinProblem, values: Array, noise: NoiseModel) -> OutputErrorFit:
+    """Everything about the point `values` of a problem under a noise model."""
+    lower, upper = problem.bounds
+    residual = _residual(problem, values)
+    white = noise.whiten(problem, residual)
+    slopes = noise.whiten(problem, problem.jacobian(values))
+    scale = problem.scale
+    covariance = covariance_of(slopes * scale, white) * np.outer(scale, scale)
+    near = (np.abs(values - lower) < 1e-6 * scale) | (np.abs(values - upper) < 1e-6 * scale)
+    stuck = tuple(n for n, x in zip(problem.names, near, strict=True) if x)
+    return OutputErrorFit(values, covariance, residual, noise, white, slopes, stuck)
+
+
+def covariance_of(slopes: Array, white: Array) -> Array:
+    """Covariance (P, P) of a least-squares point; directions that nothing depends on get 1e16."""
+    _, s, Vt = np.linalg.svd(slopes, full_matrices=False)
+    seen = s > 1e-7 * max(s[0], 1e-300)
+    variance = float(white @ white) / max(len(white) - int(seen.sum()), 1)
+    covariance: Array = (Vt[seen].T / s[seen] ** 2) @ Vt[seen] * variance
+    covariance += 1e16 * Vt[~seen].T @ Vt[~seen]
+    return covariance
+
+
+def noise_of(problem: TwinProblem, residual: Array) -> NoiseModel:
+    """Spread and autoregression of residuals; terms are kept while they are clear of chance."""
+    sigmas, terms = [], []
+    for name, part in problem.signals:
+        e = residual[part]
+        sigma = max(float(np.sqrt(np.mean(e**2))), 0.1 * _expected(problem, name))
+        order = min(ORDER, len(e) // 20)
+        ar = np.empty(0)
+        if order:
+            r = np.array([e[k:] @ e[: len(e) - k] for k in range(order + 1)]) / len(e)
+            if np.any(np.abs(r[1:]) > 3.0 * r[0] / np.sqrt(len(e))):
+                ar = np.asarray(
+                    solve_toeplitz(r[:-1] + 1e-9 * r[0] * (np.arange(order) == 0), r[1:])
+                )
+                power = float(r[0] - ar @ r[1:])
+                sigma = max(float(np.sqrt(max(power, 0.0))), 0.1 * _expected(problem, name))
+        sigmas.append(sigma)
+        terms.append(ar)
+    return NoiseModel(tuple(sigmas), tuple(terms))
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Cost of the best fit at fixed values of one parameter."""
+
+    name: str
+    values: Array
+    """(G,)"""
+    rise: Array
+    """(G,) rise of -2 log likelihood over the best: below 3.84 within 95 %."""
+    others: Array
+    """(G, P) parameters of the best fit at each value."""
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether all values, however far apart, explain the data about as well."""
+        return bool(np.all(self.rise < 3.84))
+
+
+def profile(
+    problem: TwinProblem, best: OutputErrorFit, name: str, values: Sequence[float]
+) -> Profile:
+    """Profile likelihood of parameter `name` over `values`, all others refitted, noise model of `best`."""
+    k = problem.names.index(name)
+    variance = 2.0 * best.cost / best.dof
+    found = np.empty((len(values), len(problem.names)))
+    cost = np.empty(len(values))
+    free = [i for i in range(len(problem.names)) if i != k]
+    for g, fixed in enumerate(values):
+        start = np.array(best.values)
+        start[k] = fixed
+        # along the ridge: what the others do to make up for the step
+        step, *_ = np.linalg.lstsq(
+            best.jacobian[:, free] * problem.scale[free],
+            -best.jacobian[:, k] * (fixed - best.values[k]),
+            rcond=1e-9,
+        )
+        start[free] += np.clip(step, -1.0, 1.0) * problem.scale[free]
+        found[g] = _minimise(problem, np.clip(start, *problem.bounds), best.noise, fixed=k)
+        white = best.noise.whiten(problem, _residual(problem, found[g]))
+        cost[g] = float(white @ white)
+    return Profile(name, np.array(values), (cost - 2.0 * best.cost) / variance, found)
+
+
+def _minimise(
+    problem: TwinProblem, start: Array, noise: NoiseModel, fixed: int | None = None
+) -> Array:
+    free = [i for i in range(len(start)) if i != fixed]
+    if not free:
+        return start
+    scale = problem.scale[free]
+    lower, upper = (b[free] / scale for b in problem.bounds)
+
+    def full(z: Array) -> Array:
+        values = np.array(start)
+        values[free] = z * scale
+        return values
+
+    def residual(z: Array) -> Array:
+        return noise.whiten(problem, _residual(problem, full(z)))
+
+    def slopes(z: Array) -> Array:
+        return noise.whiten(problem, problem.jacobian(full(z))[:, free]) * scale
+
+    inside = np.clip(start[free] / scale, lower + 1e-9, upper - 1e-9)
+    answer = least_squares(
+        residual, inside, jac=slopes, bounds=(lower, upper), xtol=1e-6, ftol=1e-8, max_nfev=25
+    )
+    return full(answer.x)
+
+
+def _residual(problem: TwinProblem, values: Array) -> Array:
+    error: Array = problem.predict(values[None, :])[0] - problem.measured
+    if not np.all(np.isfinite(error)):
+        raise IdentificationError(
+            f"{problem.rig.name}: the twin cannot stand where the run began: is it the rig file of the "
+            "rig that ran?"
+        )
+    return error
+
+
+def _first_noise(problem: TwinProblem) -> NoiseModel:
+    sigma = tuple(_expected(problem, name) for name, _ in problem.signals)
+    return NoiseModel(sigma, tuple(np.empty(0) for _ in sigma))
+
+
+def _expected(problem: TwinProblem, signal: str) -> float:
+    """The rig file's noise of a signal, quantisation included."""
+    place, _, quantity = signal.rpartition(".")
+    kind = quantity.partition("_")[0] if place == "imu" else quantity
+    noise = problem.rig.noise
+    own = float(getattr(noise, kind))
+    return float(np.hypot(own, getattr(noise, f"{kind}_step") / np.sqrt(12.0))) or 1e-9
