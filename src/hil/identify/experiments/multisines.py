@@ -46,7 +46,7 @@ def choose_lines(plan: Multisine, period_s: float, coordinates: int) -> LineChoi
         if plan.lines != "full":
             lines = lines[lines % 2 == 1]
         if plan.lines == "odd_random":
-            lines = _without_one_a_group(lines, plan.group, plan.seed)
+            lines = _without_one_a_group(lines, plan.group, plan.phase_seed)
     if len(lines) < coordinates:
         raise ConfigError(
             f"multisine: {len(lines)} lines between {plan.f_min:g} and {plan.f_max:g} Hz are too few "
@@ -66,7 +66,7 @@ def multisine_shape(plan: Multisine, rig: RigFile) -> Shape:
     moving = chosen(plan, rig, [preferred(rig)])
     choice = choose_lines(plan, period_s, len(moving))
     _check_nyquist(choice, period_s, rig)
-    streams = np.random.default_rng([plan.seed, 1]).spawn(plan.realisations)
+    streams = np.random.default_rng([plan.phase_seed, 1]).spawn(plan.realisations)
     draws = [
         [_drawn(lines, plan, steps, grid.step_s, rng) for lines in choice.excited]
         for rng in streams

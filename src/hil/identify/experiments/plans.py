@@ -107,7 +107,7 @@ class Multisine(Band):
     draws: Count = Field(
         20, description="phases tried for each, the smallest crest factor is taken"
     )
-    seed: Annotated[int, Field(ge=0)] = Field(0, description="of phases and detection lines")
+    phase_seed: Annotated[int, Field(ge=0)] = Field(0, description="of phases and detection lines")
     fade_s: Fade = Field(2.0, description="fade of the acceleration in and out, s")
 
     @model_validator(mode="after")

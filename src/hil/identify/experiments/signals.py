@@ -119,7 +119,7 @@ def sweep(low_hz: float, high_hz: float, duration_s: float, step_s: float) -> Mo
     Integrated twice from one steady oscillation to another, so that it does not drift.
     """
     held_s = 1.0 / low_hz
-    t: Array = np.arange(round((held_s + duration_s) / step_s) + 1) * step_s - held_s
+    t = np.asarray(np.arange(round((held_s + duration_s) / step_s) + 1) * step_s - held_s)
     theta = sweep_phase(t, low_hz, high_hz, duration_s)
     w = sweep_frequency(t, low_hz, high_hz, duration_s)
     steady = [(-np.cos(theta[k]) / w[k], -np.sin(theta[k]) / w[k] ** 2) for k in (0, -1)]

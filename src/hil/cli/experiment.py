@@ -1,0 +1,263 @@
+"""`hil experiment`: motions that tell what a rig is like, designed within its limits, played, recorded.
+
+Each kind's options are the fields of its plan: one place says what there is, its unit and its bounds.
+"""
+
+from __future__ import annotations
+
+import inspect
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import GenericAlias, UnionType
+from typing import Annotated, Any, Final, Literal, get_args, get_origin
+
+import typer
+from pydantic.fields import FieldInfo
+from rich.table import Table
+
+from hil.cli.console import RigArgument, err, out, write_json
+from hil.cli.options import ModeOption, SeedOption, profiles_of, rig_with
+from hil.client import RigClient
+from hil.config import Effect, RigFile
+from hil.configfile import parse_settings
+from hil.errors import ConfigError
+from hil.identify.experiments import PLANS, Custom, Design, Plan, design, write_experiment
+from hil.identify.experiments.custom import read_custom
+from hil.identify.experiments.play import play_on_rig, play_simulated
+from hil.sim.parameters import ParameterTable
+from hil.ui.experiment import experiment_page
+
+app = typer.Typer(
+    help="Experiments: design within a rig's limits, play, record. `hil experiment RIG KIND --help`.",
+    no_args_is_help=True,
+)
+PAGE: Final = "experiment.html"
+SAME: Final = {"duration_s": "duration", "period_s": "period", "fade_s": "fade", "hold_s": "hold"}
+"""Options are named without their unit, which stands in the help."""
+
+
+@app.callback()
+def choose(context: typer.Context, rig: RigArgument) -> None:
+    """Play an experiment on a rig: by default on the simulated one, within seconds."""
+    context.obj = rig
+
+
+def _play(
+    context: typer.Context,
+    plan: Plan,
+    *,
+    dry_run: Annotated[
+        Path | None,
+        typer.Option(
+            "--dry-run",
+            metavar="FOLDER",
+            help="Only write motion, description and a page of plots there; play nothing.",
+        ),
+    ] = None,
+    endpoint: Annotated[
+        str | None,
+        typer.Option(
+            "--endpoint", "-e", help="Play through the running daemon there, armed beforehand."
+        ),
+    ] = None,
+    runs: Annotated[
+        Path | None,
+        typer.Option(
+            "--runs",
+            help="Folder of run folders; with --endpoint the one into which that daemon records. Default: "
+            "the rig file's.",
+        ),
+    ] = None,
+    mode: ModeOption = None,
+    seed: SeedOption = 0,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effect",
+            metavar="NAME=VALUE",
+            help="Hurt the simulated rig: leg1.backlash.gap=0.0005. May be given several times.",
+        ),
+    ] = None,
+    note: Annotated[str, typer.Option(help="Kept in run.toml of a simulated run.")] = "",
+    json: Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")] = False,
+) -> None:
+    rig, text = rig_with(context.obj, mode=mode)
+    motion = None
+    if isinstance(plan, Custom):
+        plan, motion = read_custom(plan)
+    effects = read_effects(rig, effect or [])
+    made = design(plan, rig, motion)
+    if not json:
+        show(made)
+    if dry_run is not None:
+        write_experiment(dry_run, made.description, made.trajectory)
+        folder = experiment_page(made, rig, dry_run / PAGE).parent
+    elif endpoint is not None:
+        if effects:
+            raise ConfigError("--effect: only a simulated rig can be hurt; leave --endpoint out")
+        folder = _on_rig(made, rig, endpoint, runs or Path(rig.recording.folder))
+    else:
+        started_s = time.monotonic()
+        with err.status(f"playing on the simulated {rig.name}"):
+            folder = play_simulated(
+                made,
+                rig,
+                text,
+                profiles_of(rig),
+                runs or Path(rig.recording.folder),
+                seed=seed,
+                effects=effects,
+                note=note,
+            )
+        err.print(
+            f"{made.description.duration_s:.1f} s of motion took {time.monotonic() - started_s:.1f} s"
+        )
+    if json:
+        uses = [
+            {"rule": u.rule, "name": u.name, "value": u.value, "bound": u.bound} for u in made.uses
+        ]
+        write_json(
+            {
+                "folder": str(folder),
+                "experiment": made.description.model_dump(mode="json"),
+                "uses": uses,
+                "shaped_deviation": made.shaped.relative,
+            }
+        )
+    else:
+        out.print(str(folder), markup=False, soft_wrap=True)
+
+
+def read_effects(rig: RigFile, given: list[str]) -> tuple[Effect, ...]:
+    """Effects from NAME=VALUE; ConfigError for a name or value that the rig's model has not."""
+    values: dict[str, float] = {}
+    for item in given:
+        name, _, value = item.partition("=")
+        try:
+            values[name] = float(value)
+        except ValueError as error:
+            raise ConfigError(
+                f"--effect {item}: needs a name, = and a number: leg1.backlash.gap=0.0005"
+            ) from error
+    table = ParameterTable(rig)
+    table.vector(values)
+    grouped: dict[tuple[str, str], dict[str, float]] = {}
+    for name, number in values.items():
+        p = table[name]
+        grouped.setdefault((p.effect, p.location), {})[p.parameter] = number
+    return tuple(
+        Effect(effect=effect, location=location, parameters=parameters)
+        for (effect, location), parameters in grouped.items()
+    )
+
+
+def show(made: Design) -> None:
+    """What was designed: sizes, lines, and the share of each limit that it uses."""
+    d = made.description
+    sizes = ", ".join(f"{c} {a:.4g}" for c, a in zip(d.coordinates, d.amplitude, strict=True))
+    out.print(f"{d.plan.kind} on {d.rig}: {sizes}; {d.duration_s:.1f} s", markup=False)
+    if d.scaled_because:
+        out.print(
+            f"scaled by {d.scale:.3f} to fit: {d.scaled_because}", markup=False, soft_wrap=True
+        )
+    for lines in d.lines:
+        first, last = (lines.excited[i] / d.period_s for i in (0, -1))
+        out.print(
+            f"{lines.coordinate}: {len(lines.excited)} lines, {first:.3g} to {last:.3g} Hz, period "
+            f"{d.period_s:g} s",
+            markup=False,
+        )
+    if d.detection:
+        odd = sum(k % 2 for k in d.detection)
+        out.print(f"detection lines: {odd} odd, {len(d.detection) - odd} even")
+    table = Table("limit", "most", "bound", "used")
+    table.columns[3].justify = "right"
+    for use in sorted(made.uses, key=lambda u: -u.share):
+        if use.share > 0.01:
+            table.add_row(
+                f"{use.rule} of {use.name}",
+                f"{use.value:.4g}",
+                f"{use.bound:.4g}",
+                f"{100.0 * use.share:.0f} %",
+            )
+    out.print(table)
+    out.print(f"shaping lets it through within {100.0 * made.shaped.relative:.2g} % of its peak")
+
+
+def _on_rig(made: Design, rig: RigFile, endpoint: str, runs: Path) -> Path:
+    with (
+        RigClient(rig.name, endpoint, name="experiment") as client,
+        err.status(f"playing on {rig.name}") as status,
+    ):
+        whole_s = made.description.duration_s
+
+        def progress(t_s: float) -> None:
+            status.update(f"playing on {rig.name}: {t_s:.0f} of {whole_s:.0f} s")
+
+        return play_on_rig(made, rig, client, runs, endpoint=endpoint, on_progress=progress)
+
+
+def _option(name: str, field: FieldInfo) -> inspect.Parameter:
+    """A command-line option for a field of a plan; lists are given with commas between."""
+    kind: Any = field.annotation
+    origin = get_origin(kind)
+    if isinstance(kind, GenericAlias | UnionType) or origin in (tuple, Literal):
+        choices = "|".join(get_args(kind)) if origin is Literal else "A,B,..."
+        option, kind = typer.Option(f"--{_flag(name)}", help=_help(field), metavar=choices), str
+    else:
+        option = typer.Option(f"--{_flag(name)}", help=_help(field))
+    default: Any = ... if field.is_required() else field.get_default()
+    if origin is tuple:
+        default = ",".join(map(str, default))
+    return inspect.Parameter(
+        name,
+        inspect.Parameter.KEYWORD_ONLY,
+        default=inspect.Parameter.empty if default is ... else default,
+        annotation=Annotated[kind, option],
+    )
+
+
+def _flag(name: str) -> str:
+    return SAME.get(name, name).replace("_", "-")
+
+
+def _help(field: FieldInfo) -> str:
+    return (field.description or "").capitalize()
+
+
+def _values(model: type[Plan], given: dict[str, Any]) -> dict[str, Any]:
+    """What was given on the command line, with lists taken apart."""
+    values = dict(given)
+    for name, field in model.model_fields.items():
+        if get_origin(field.annotation) is tuple and name in values:
+            values[name] = [part.strip() for part in values[name].split(",") if part.strip()]
+    return values
+
+
+def _command(kind: str, model: type[Plan]) -> Callable[..., None]:
+    """The command of a kind: its plan's fields and the options of playing."""
+    fields = {n: f for n, f in model.model_fields.items() if n not in ("kind", "sha256")}
+    playing = [
+        p
+        for p in inspect.signature(_play, eval_str=True).parameters.values()
+        if p.name not in ("context", "plan")
+    ]
+    context = inspect.Parameter(
+        "context", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context
+    )
+
+    def command(context: typer.Context, **given: Any) -> None:
+        options = {p.name: given.pop(p.name) for p in playing}
+        plan = parse_settings(_values(model, given), model, f"hil experiment {context.obj} {kind}")
+        _play(context, plan, **options)
+
+    parameters = [context, *(_option(n, f) for n, f in fields.items()), *playing]
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {p.name: p.annotation for p in parameters}
+    command.__doc__ = model.__doc__
+    return command
+
+
+for _kind, _model in PLANS.items():
+    app.command(_kind)(_command(_kind, _model))

@@ -1,0 +1,24 @@
+"""The motion of a custom experiment, read from its file."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from hil.control.trajectory import CueTrajectory
+from hil.errors import RunError
+from hil.identify.experiments.plans import Custom
+from hil.runs.cuefile import read_cue_file
+
+
+def read_custom(plan: Custom) -> tuple[Custom, CueTrajectory]:
+    """The plan with its file's SHA-256 filled in, and the motion; RunError where it cannot be read.
+
+    A plan that already has one must find the same file: a description never means another motion.
+    """
+    path = Path(plan.file)
+    trajectory = read_cue_file(path).trajectory
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if plan.sha256 and plan.sha256 != digest:
+        raise RunError(f"{path}: is not the file that this experiment was designed with")
+    return plan.model_copy(update={"sha256": digest}), trajectory

@@ -1,0 +1,182 @@
+"""Plays a design on the simulated rig or through a running daemon, and keeps it with the recording."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from hil.client import RigClient
+from hil.config import Effect, RigFile
+from hil.daemon.records import EventRecord, Record
+from hil.daemon.simulated import record_ride
+from hil.drives.profile import LustProfile
+from hil.errors import CommandRefused, RunError
+from hil.identify.experiments.description import Played, write_experiment
+from hil.identify.experiments.design import Design
+from hil.identify.experiments.shaped import experiment_cues, lead_s
+from hil.messages import CueMessage, cue_message
+from hil.runs.folder import RECORDING, read_meta
+from hil.runs.mcapfile import McapSource
+
+CLIENT: Final = "experiment"
+MOVING: Final = ("ready", "engaged")
+PARK_S: Final = 20.0
+"""Longest time that parking may take."""
+
+
+def play_simulated(
+    design: Design,
+    rig: RigFile,
+    rig_text: str,
+    profiles: Mapping[str, LustProfile],
+    runs: Path,
+    *,
+    seed: int = 0,
+    effects: Sequence[Effect] = (),
+    note: str = "",
+) -> Path:
+    """Play on the simulated rig in simulated time; returns the run folder.
+
+    `effects` are given to the simulated rig only: the rig file kept with the run does not know them.
+    CommandRefused where the rig did not stay in motion to the end.
+    """
+    troubles: list[str] = []
+
+    def watch(record: Record) -> None:
+        if isinstance(record, EventRecord) and record.severity == "fault":
+            troubles.append(record.text)
+
+    folder = record_ride(
+        rig.model_copy(update={"effects": (*rig.effects, *effects)}),
+        rig_text,
+        profiles,
+        experiment_cues(design.trajectory, rig, CLIENT),
+        runs,
+        seed=seed,
+        note=note or _note(design),
+        on_record=watch,
+    )
+    names = tuple(
+        f"{e.location}.{e.effect}.{p}={value!r}"
+        for e in effects
+        for p, value in e.parameters.items()
+    )
+    _keep(folder, design, rig, Played(on="simulated", start_s=0.0, seed=seed, effects=names))
+    if troubles:
+        raise CommandRefused(
+            f"{rig.name} did not play the motion to its end: {troubles[0]} ({folder})"
+        )
+    return folder
+
+
+def play_on_rig(
+    design: Design,
+    rig: RigFile,
+    client: RigClient,
+    runs: Path,
+    *,
+    endpoint: str = "",
+    on_progress: Callable[[float], None] = lambda t_s: None,
+) -> Path:
+    """Stream to the daemon that `client` is connected to, at `endpoint`; park; returns the run folder.
+
+    `runs` is the folder into which that daemon records, as seen from here; it begins a recording for
+    the experiment alone. CommandRefused where the rig is not armed, or leaves motion before the end.
+    """
+    _need_motion(client, rig)
+    before = _folders(runs)
+    _record(client, on=False)
+    _record(client, on=True)
+    try:
+        _stream(design, rig, client, on_progress)
+    finally:
+        client.command("park")
+        _await_parked(client)
+        _record(client, on=False)
+        _record(client, on=True)
+    made = [f for f in sorted(_folders(runs) - before) if (f / RECORDING).is_file()]
+    if not made:
+        raise RunError(
+            f"{runs}: no recording of {rig.name} was made here; name the folder of its daemon's recordings "
+            "with --runs"
+        )
+    _keep(made[0], design, rig, Played(on="rig", start_s=0.0, endpoint=endpoint))
+    return made[0]
+
+
+def motion_start_s(folder: Path, rig: RigFile) -> float:
+    """When a recorded stream's motion began, as `t` of the run's table, s.
+
+    The stream's own clock is placed by the quickest of its cues, as the daemon places it.
+    """
+    meta = read_meta(folder)
+    if meta.started is None:
+        raise RunError(f"{folder}: run.toml does not say when it started")
+    zero_ns = round(meta.started.timestamp() * 1e9)
+    decode = msgspec.json.Decoder(CueMessage).decode
+    sent: list[float] = []
+    offset_s = float("inf")
+    for message in McapSource(folder / RECORDING):
+        if message.topic == "/cue":
+            cue = decode(message.data)
+            sent.append(cue.t)
+            offset_s = min(offset_s, 1e-9 * (message.log_time_ns - zero_ns) - cue.t)
+    if not sent:
+        raise RunError(f"{folder}: holds no cue: the motion never reached the rig")
+    return sent[0] + offset_s + lead_s(rig)
+
+
+def _keep(folder: Path, design: Design, rig: RigFile, played: Played) -> None:
+    start_s = round(motion_start_s(folder, rig), 6)
+    played = played.model_copy(update={"start_s": start_s})
+    description = design.description.model_copy(update={"played": played})
+    write_experiment(folder, description, design.trajectory)
+
+
+def _note(design: Design) -> str:
+    return f"{design.description.plan.kind} of {', '.join(design.description.coordinates)}"
+
+
+def _stream(
+    design: Design, rig: RigFile, client: RigClient, on_progress: Callable[[float], None]
+) -> None:
+    start_s = time.monotonic()
+    for cue in experiment_cues(design.trajectory, rig, CLIENT):
+        time.sleep(max(0.0, start_s + cue.t_client_s - time.monotonic()))
+        client.cues(cue_message(cue, rig.coordinates).poses, start_s + cue.t_client_s)
+        state = client.state()
+        if state is not None and state.state not in MOVING:
+            why = f": {state.fault}" if state.fault else ""
+            raise CommandRefused(
+                f"{rig.name} went to {state.state} {cue.t_client_s:.1f} s into the motion{why}"
+            )
+        on_progress(cue.t_client_s)
+
+
+def _need_motion(client: RigClient, rig: RigFile) -> None:
+    state = next(client.states())
+    if state.state not in MOVING:
+        raise CommandRefused(
+            f"{rig.name} is {state.state}; arm it first: `hil command {rig.name} arm`"
+        )
+
+
+def _await_parked(client: RigClient) -> None:
+    end_s = time.monotonic() + PARK_S
+    for state in client.states():
+        if state.state not in (*MOVING, "parking") or time.monotonic() > end_s:
+            return
+
+
+def _record(client: RigClient, *, on: bool) -> None:
+    reply = client.command("record", on=on)
+    if not reply.ok:
+        raise CommandRefused(f"{client.rig}: {reply.message}")
+
+
+def _folders(runs: Path) -> set[Path]:
+    return set(runs.iterdir()) if runs.is_dir() else set()

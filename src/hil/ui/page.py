@@ -1,0 +1,73 @@
+"""A self-contained HTML page of titled figures and tables, in the look of the run report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from string import Template
+from typing import Final
+
+from plotly.graph_objects import Figure
+from plotly.offline import get_plotlyjs
+
+from hil.errors import RunError
+
+PALETTE: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Okabe and Ito's colours, which colour-blind readers tell apart. [M]"""
+FONT: Final = {"family": "Inter, system-ui, sans-serif", "size": 12, "color": "#334155"}
+
+_PAGE: Final = Template("""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>$title</title>
+<style>
+body { margin: 0; background: #f1f5f9; color: #0f172a;
+       font: 15px/1.5 Inter, system-ui, -apple-system, "Segoe UI", sans-serif; }
+main { max-width: 1320px; margin: 0 auto; padding: 28px 24px 60px; }
+h1 { font-size: 24px; margin: 0 0 2px; letter-spacing: -0.01em; }
+h2 { font-size: 16px; margin: 0 0 10px; }
+p.sub { margin: 0 0 18px; color: #64748b; }
+section { background: #fff; border: 1px solid #e2e8f0; border-radius: 10px;
+          padding: 18px 20px; margin-bottom: 18px; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+th { text-align: left; font-weight: 600; color: #475569; }
+th, td { padding: 4px 28px 4px 0; }
+td.n, th.n { text-align: right; }
+tr + tr > * { border-top: 1px solid #f1f5f9; }
+</style>
+<script>$plotly</script>
+</head>
+<body><main>
+<h1>$title</h1>
+<p class="sub">$subtitle</p>
+$sections
+</main></body></html>
+""")
+
+
+def page(
+    out_html: Path, title: str, subtitle: str, sections: Sequence[tuple[str, Figure | str]]
+) -> Path:
+    """Write headed figures (or HTML) to `out_html`; RunError where it cannot be written.
+
+    About 5 MB of it is the plotting library: nothing is fetched when it is opened.
+    """
+    parts = [f"<section><h2>{head}</h2>{_html(body)}</section>" for head, body in sections]
+    text = _PAGE.substitute(
+        title=title, subtitle=subtitle, plotly=get_plotlyjs(), sections="\n".join(parts)
+    )
+    try:
+        out_html.parent.mkdir(parents=True, exist_ok=True)
+        out_html.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RunError(f"{out_html}: cannot be written: {error.strerror}") from error
+    return out_html
+
+
+def _html(body: Figure | str) -> str:
+    if isinstance(body, str):
+        return body
+    config = {"responsive": True, "displaylogo": False, "scrollZoom": False}
+    return str(body.to_html(full_html=False, include_plotlyjs=False, config=config))
