@@ -1,4 +1,4 @@
-"""Puts the groups of commands together and turns errors into sentences."""
+"""The command `hil`: its commands stand in `hil.cli.lazy`; here errors become sentences."""
 
 from __future__ import annotations
 
@@ -7,27 +7,19 @@ import sys
 import typer
 
 from hil import __version__
-from hil.cli import client, config, cue, demo, identify, rig, runs
 from hil.cli.console import complain
+from hil.cli.lazy import LazyGroup
 from hil.errors import HilError
 
 app = typer.Typer(
     name="hil",
+    cls=LazyGroup,
     help="Run motion-simulator rigs with servo drives on CAN, record them, and see how they behave.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
     epilog="Start here: `hil demo` rides a simulated motorcycle rig for a minute; no hardware, no root.",
 )
-app.command()(demo.demo)
-app.command()(rig.run)
-app.command()(rig.simulate)
-app.command()(client.command)
-app.command()(client.watch)
-app.add_typer(config.app, name="config")
-app.add_typer(cue.app, name="cue")
-app.add_typer(identify.app, name="identify")
-app.add_typer(runs.app, name="runs")
 
 
 @app.callback(invoke_without_command=True)
