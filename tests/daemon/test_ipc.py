@@ -8,7 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hil.daemon import records as r
-from hil.daemon.ipc import Channel, CueJoiner, Sources, socket_pair, split_cue
+from hil.daemon.cue_parts import CueJoiner, split_cue
+from hil.daemon.ipc import Channel, Sources, socket_pair
 from hil.daemon.wire import HEADER, datagram, decode, encode
 from hil.drives.driver import DrivePhase
 from hil.errors import ProtocolError

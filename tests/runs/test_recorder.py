@@ -31,6 +31,7 @@ def test_folder_is_named_by_utc_stamp_and_rig(finished: Path) -> None:
         "rig.toml",
         "recording.mcap",
         "can.log",
+        "journal.mcap",
         "events.jsonl",
     }
 

@@ -19,7 +19,8 @@ from hil.bus.port import BusPort
 from hil.bus.timerfd import Timer
 from hil.config import RigFile
 from hil.daemon.core import RigCore
-from hil.daemon.ipc import Channel, CueJoiner
+from hil.daemon.cue_parts import CueJoiner
+from hil.daemon.ipc import Channel
 from hil.daemon.realtime import CalmGarbage, request_rights
 from hil.daemon.records import CommandRecord, CueRecord, EventRecord, GatewayAlive, Severity
 from hil.daemon.sdnotify import Notifier
@@ -33,6 +34,8 @@ LOAD_S: Final = 0.5
 """Over which the bus load is averaged."""
 PARK_S: Final = 20.0
 """After the signal to end, the rig gets so long to park before the drives are switched off anyway."""
+GATEWAY_START_S: Final = 15.0
+"""The gateway gets so long to come up before the rig is run without; it is disarmed until then anyway."""
 OFF_CYCLES: Final = 10
 """Cycles in which the drives are told to be off before the process ends."""
 
@@ -86,22 +89,26 @@ class ControlProcess:
         self.gateway_died = False
         """The gateway process ended before this one."""
         self._done: asyncio.Future[None]
+        self._gateway_here: asyncio.Future[None]
 
     async def run(self) -> None:
         """Serve until the end; BusError if the bus is lost for good."""
         loop = asyncio.get_running_loop()
-        self._done = loop.create_future()
+        self._done, self._gateway_here = loop.create_future(), loop.create_future()
         for right in request_rights():
             now_s, name = time.monotonic(), f"right_{right.name}"
             severity: Severity = "info" if right.is_granted else "warning"
             self._channel.send(EventRecord(now_s, severity, name, right.text))
         for signum in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(signum, self.end)
-        readers = (
-            (self._port.fileno(), self._on_frames),
-            (self._timer.fileno(), self._on_timer),
-            (self._channel.fileno(), self._on_gateway),
+        loop.add_reader(self._channel.fileno(), self._guarded, self._on_gateway)
+        # Whoever is told that we are ready may give commands, and the recording shall hold all of the run.
+        await asyncio.wait(
+            (self._gateway_here, self._done),
+            timeout=GATEWAY_START_S,
+            return_when=asyncio.FIRST_COMPLETED,
         )
+        readers = ((self._port.fileno(), self._on_frames), (self._timer.fileno(), self._on_timer))
         for fd, action in readers:
             loop.add_reader(fd, self._guarded, action)
         self._garbage.settle()
@@ -114,7 +121,7 @@ class ControlProcess:
             await self._done
         finally:
             self._notifier.stopping("the control process ends")
-            for fd, _ in readers:
+            for fd in (*(fd for fd, _ in readers), self._channel.fileno()):
                 loop.remove_reader(fd)
             self._channel.send(*self._core.take_records())
             self._channel.close()
@@ -127,8 +134,14 @@ class ControlProcess:
             self._off_cycles = OFF_CYCLES
             return
         self._ending_s = now_s
+        self._stop_waiting()
         self._core.end()
         self._notifier.stopping("parking")
+
+    def _stop_waiting(self) -> None:
+        """The gateway is there, or it is no use to wait for it."""
+        if not self._gateway_here.done():
+            self._gateway_here.set_result(None)
 
     def _guarded(self, action: Callable[[], None]) -> None:
         try:
@@ -164,6 +177,7 @@ class ControlProcess:
                 self._core.command(now_s, record)
             elif isinstance(record, GatewayAlive):
                 self._core.gateway_alive(now_s)
+                self._stop_waiting()
         if not self._channel.is_open and not self.gateway_died:
             # Nobody records or publishes any more: park, and let whoever started us start anew.
             self.gateway_died = True

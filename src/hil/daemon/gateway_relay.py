@@ -16,9 +16,12 @@ from hil.daemon.ipc import Channel, Sources
 from hil.daemon.metrics import Metrics
 from hil.daemon.recording import keep
 from hil.daemon.records import (
+    CommandRecord,
+    CueRecord,
     DriveRecord,
     EventRecord,
     FrameRecord,
+    InputRecord,
     Record,
     ReplyRecord,
     SampleRecord,
@@ -66,6 +69,7 @@ class Relay:
             DriveRecord: self._on_drive,
             EventRecord: self._on_event,
             ReplyRecord: commands.resolve,
+            **dict.fromkeys((InputRecord, CueRecord, CommandRecord), self._keep),
         }
 
     def on_readable(self) -> bool:

@@ -6,13 +6,17 @@ from hil.config import RigFile
 from hil.daemon.gateway_state import state_message
 from hil.daemon.ipc import Sources
 from hil.daemon.records import (
+    CommandRecord,
+    CueRecord,
     EventRecord,
     FrameRecord,
+    InputRecord,
     Record,
     SampleRecord,
     SetpointRecord,
     StateRecord,
 )
+from hil.daemon.wire import encode
 from hil.frames import StampedFrame
 from hil.runs import Recorder
 from hil.signals import Event
@@ -24,6 +28,9 @@ def keep(recorder: Recorder, record: Record, rig: RigFile, sources: Sources) -> 
         case FrameRecord():
             stamped = StampedFrame(record.t_s, record.frame)
             recorder.frame(stamped, is_sent=record.is_sent)
+            recorder.journal(encode(record))
+        case InputRecord() | CueRecord() | CommandRecord():
+            recorder.journal(encode(record))
         case SampleRecord():
             recorder.sample(sources.sample(record))
         case SetpointRecord():

@@ -29,10 +29,24 @@ RIG_STATES: Final = (
 QUANTITIES: Final = ("position", "velocity", "force", "current", *IMU_QUANTITIES)
 KINDS: Final = ("position", "force")
 DRIVE_PHASES: Final = ("absent", "logged on", "configured", "ready", "enabled", "fault")
+INPUTS: Final = (
+    "start",
+    "listen",
+    "due",
+    "cue",
+    "command",
+    "gateway",
+    "refused",
+    "refused_off",
+    "end",
+    "cut_power",
+)
+"""What a core can be told besides the frames it receives; "listen" is the start of a read-only one."""
 Severity = Literal["info", "warning", "fault"]
 SEVERITIES: Final[tuple[Severity, ...]] = ("info", "warning", "fault")
 
 _NAN = float("nan")
+NO_FRAME: Final = Frame(0)
 
 
 class FrameRecord(NamedTuple):
@@ -145,6 +159,21 @@ class CommandRecord(NamedTuple):
     argument: str = ""
 
 
+class InputRecord(NamedTuple):
+    """Something that the core was told at `t_s`, for the journal from which a run is replayed.
+
+    `number` counts all that it was told, received frames included, so that a loss on the way shows. The
+    parts of a cue and a command follow as records of their own.
+    """
+
+    number: int
+    t_s: float
+    what: str
+    """One of INPUTS."""
+    frame: Frame = NO_FRAME
+    """The frame that the bus refused; meaningless otherwise."""
+
+
 class GatewayAlive(NamedTuple):
     """The gateway's heartbeat."""
 
@@ -162,5 +191,6 @@ Record = (
     | ReplyRecord
     | CueRecord
     | CommandRecord
+    | InputRecord
     | GatewayAlive
 )

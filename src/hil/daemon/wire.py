@@ -15,6 +15,7 @@ from typing import Any, Final
 from hil import frames
 from hil.daemon.records import (
     DRIVE_PHASES,
+    INPUTS,
     KINDS,
     MAX_AXES,
     POSES_PER_RECORD,
@@ -28,6 +29,7 @@ from hil.daemon.records import (
     EventRecord,
     FrameRecord,
     GatewayAlive,
+    InputRecord,
     Record,
     ReplyRecord,
     SampleRecord,
@@ -91,6 +93,7 @@ _EVENT = struct.Struct(f"<dB{NAME_BYTES}s{TEXT_BYTES}s")
 _REPLY = struct.Struct(f"<I?{REPLY_BYTES}s")
 _CUE = struct.Struct(f"<{CLIENT_BYTES}sQddHHBB{POSES_PER_RECORD * (1 + MAX_AXES)}d")
 _COMMAND = struct.Struct(f"<I{NAME_BYTES}s{NAME_BYTES}s")
+_INPUT = struct.Struct("<QdB16s")
 _ALIVE = struct.Struct("<d?")
 
 
@@ -217,6 +220,15 @@ def _unpack_command(body: bytes) -> CommandRecord:
     return CommandRecord(command_id, _text(name), _text(argument))
 
 
+def _pack_input(r: InputRecord) -> bytes:
+    return _INPUT.pack(r.number, r.t_s, _code(INPUTS, r.what), frames.pack(r.frame))
+
+
+def _unpack_input(body: bytes) -> InputRecord:
+    number, t_s, code, raw = _INPUT.unpack(body)
+    return InputRecord(number, t_s, _name(INPUTS, code), frames.unpack(raw))
+
+
 def _pack_alive(r: GatewayAlive) -> bytes:
     return _ALIVE.pack(*r)
 
@@ -233,6 +245,7 @@ _CODECS: Final[dict[int, tuple[type, int, Callable[[Any], bytes], Callable[[byte
     6: (EventRecord, _EVENT.size, _pack_event, _unpack_event),
     7: (ReplyRecord, _REPLY.size, _pack_reply, _unpack_reply),
     8: (DriveRecord, _DRIVE.size, _pack_drive, _unpack_drive),
+    9: (InputRecord, _INPUT.size, _pack_input, _unpack_input),
     16: (CueRecord, _CUE.size, _pack_cue, _unpack_cue),
     17: (CommandRecord, _COMMAND.size, _pack_command, _unpack_command),
     18: (GatewayAlive, _ALIVE.size, _pack_alive, _unpack_alive),

@@ -4,6 +4,7 @@ runs/20260131T120000Z_motorcycle/
     run.toml            format "hil-run/1": rig, mode, started, note, role, payload, [recording]
     rig.toml            the rig file as it was
     recording.mcap      or signals.parquet, or signals.csv
+    journal.mcap        all that the control process was told and sent, to the bit, for `hil replay`
     can.log             raw bus log (candump; can.blf where the rig file asks for BLF)
     events.jsonl        one event a line
 """
@@ -32,6 +33,7 @@ RUN_TOML: Final = "run.toml"
 RIG_TOML: Final = "rig.toml"
 RECORDING: Final = "recording.mcap"
 EVENTS: Final = "events.jsonl"
+JOURNAL: Final = "journal.mcap"
 
 Mode = Literal["position", "force", "ride"]
 

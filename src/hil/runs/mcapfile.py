@@ -37,10 +37,16 @@ class McapMessage(NamedTuple):
 
 
 class McapSink:
-    """Writes messages by topic; a topic's channel and schema are made when it is first used."""
+    """Writes messages by topic; a topic's channel and schema are made when it is first used.
 
-    def __init__(self, stream: IO[bytes], schemas: Mapping[str, dict[str, Any]]) -> None:
+    Messages of another `encoding` than JSON have no schema: theirs is called "".
+    """
+
+    def __init__(
+        self, stream: IO[bytes], schemas: Mapping[str, dict[str, Any]], encoding: str = "json"
+    ) -> None:
         self._schemas = schemas
+        self._encoding = encoding
         self._schema_ids: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._writer = Writer(stream, chunk_size=1 << 20)
@@ -66,23 +72,26 @@ class McapSink:
         self._writer.finish()
 
     def _open(self, topic: str, schema: str) -> int:
+        if not schema:
+            return int(self._writer.register_channel(topic, self._encoding, 0))
         if schema not in self._schema_ids:
             text = json.dumps(self._schemas[schema]).encode()
             self._schema_ids[schema] = self._writer.register_schema(
                 f"{_PREFIX}{schema}", "jsonschema", text
             )
-        return int(self._writer.register_channel(topic, "json", self._schema_ids[schema]))
+        return int(self._writer.register_channel(topic, self._encoding, self._schema_ids[schema]))
 
 
 class McapSource:
-    """Iterates over a file's messages in the order in which they were written.
+    """Iterates over a file's messages of one `encoding` in the order in which they were written.
 
     After the iteration `attachments` holds the files inside by name, and `damage` a sentence where
     the file is cut short or parts of it are wrong, else None.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, encoding: str = "json") -> None:
         self.path = path
+        self._encoding = encoding
         self.attachments: dict[str, bytes] = {}
         self.schemas: dict[str, dict[str, Any]] = {}
         """JSON Schema by name."""
@@ -129,7 +138,7 @@ class McapSource:
             name = record.name.removeprefix(_PREFIX)
             self._schema_names[record.id] = name
             self.schemas[name] = json.loads(record.data or b"{}")
-        elif isinstance(record, Channel) and record.message_encoding == "json":
+        elif isinstance(record, Channel) and record.message_encoding == self._encoding:
             self._topics[record.id] = record.topic
             self.schema_of[record.topic] = self._schema_names.get(record.schema_id, "")
         elif isinstance(record, Attachment):

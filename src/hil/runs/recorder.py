@@ -34,6 +34,7 @@ from hil.messages import (
 from hil.runs.canlog import CAN_LOG, CanLogSink
 from hil.runs.folder import (
     EVENTS,
+    JOURNAL,
     RECORDING,
     RIG_TOML,
     RUN_TOML,
@@ -45,6 +46,7 @@ from hil.runs.folder import (
     setpoint_mode,
     write_meta,
 )
+from hil.runs.journal import JournalSink
 from hil.runs.mcapfile import McapSink
 from hil.signals import Cue, Event, Sample
 
@@ -106,6 +108,7 @@ class Recorder:
                 RUN_TOML, "application/toml", meta_toml(self._meta).encode(), start_ns
             )
             self._mcap.flush()
+            self._journal = JournalSink(self.path / JOURNAL)
             kind = rig.recording.can_log
             channel = rig.can.url.rsplit(":", 1)[-1].rsplit("/", 1)[-1] or "can0"
             self._can = (
@@ -151,6 +154,11 @@ class Recorder:
             t, frame = stamped
             self._guarded(lambda: sink.write(t + self._offset_s, frame, is_sent=is_sent))
             self._advance(t)
+
+    def journal(self, record: bytes) -> None:
+        """Record what control was told or sent, as the bytes of its own record, for a replay."""
+        if self.stopped is None:
+            self._journal.add(record)
 
     def flush(self) -> None:
         """Hand all that was recorded to the operating system; also called every half second."""
@@ -201,11 +209,13 @@ class Recorder:
         if free < self._reserve:
             raise OSError(0, f"only {free >> 20} MiB are free, {self._reserve >> 20} stay reserved")
         self._mcap.flush()
+        self._journal.flush(self._nanoseconds(self._last_s))
         if self._can is not None:
             self._can.flush()
 
     def _finish(self) -> None:
         self._mcap.finish()
+        self._journal.finish(self._nanoseconds(self._last_s))
         self._stream.flush()
         os.fsync(self._stream.fileno())
 
@@ -226,7 +236,7 @@ class Recorder:
         self._release()
 
     def _release(self) -> None:
-        closers = [self._stream.close, self._events.close]
+        closers = [self._stream.close, self._events.close, self._journal.close]
         if self._can is not None:
             closers.append(self._can.close)
         for close in closers:

@@ -14,12 +14,15 @@ from hil.control.platform_filter import PlatformFilter
 from hil.control.reference import Reference
 from hil.control.setpoints import Setpoints
 from hil.control.shaping import CueShaper
+from hil.daemon.records import ActuatorState
 from hil.rigs import Manipulator
 from hil.safety.rigstate import MotionGoal
 from hil.signals import Cue, Sample
 
 NEAR_PARKED: Final = 0.02
 """The measured pose counts as near the parked one within this, m or rad: a step no rider would notice."""
+
+NAN: Final = float("nan")
 
 
 class Motion:
@@ -139,3 +142,20 @@ def tracking_error(motion: Motion) -> float:
         return float("nan")
     wanted = motion.manipulator.inverse(motion.reference.at(motion.observed.t_s).pose)
     return float(np.max(np.abs(wanted - motion.observed.position)))
+
+
+def actuator_states(motion: Motion) -> tuple[ActuatorState, ...]:
+    """What is asked and known of each actuator now; NaN where nothing is."""
+    observed, setpoints, n = motion.observed, motion.setpoints, len(motion.manipulator.actuators)
+    values = [NAN] * n if setpoints is None else setpoints.values.tolist()
+    known = observed.is_known
+    return tuple(
+        ActuatorState(
+            values[i],
+            float(observed.position[i]) if known else NAN,
+            float(observed.velocity[i]) if known else NAN,
+            float(observed.force[i]),
+            float(observed.age_s[i]),
+        )
+        for i in range(n)
+    )

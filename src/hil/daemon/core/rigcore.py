@@ -13,13 +13,15 @@ from typing import Final
 from hil.bus.state import ERR_BUS_OFF, ERR_RESTARTED
 from hil.config import RigFile
 from hil.daemon.core.link import Link
-from hil.daemon.core.motion import Motion, tracking_error
+from hil.daemon.core.motion import Motion, actuator_states, tracking_error
 from hil.daemon.core.schedule import CYCLE, Due, Schedule
+from hil.daemon.cue_parts import split_cue
 from hil.daemon.records import (
-    ActuatorState,
+    NO_FRAME,
     CommandRecord,
     DriveRecord,
     EventRecord,
+    InputRecord,
     Record,
     ReplyRecord,
     Severity,
@@ -67,6 +69,7 @@ class RigCore:
         self._power, self._goal = PowerGoal.OFF, MotionGoal.NONE
         self._requests: list[Request] = []
         self._records: list[Record] = []
+        self._heard_count = 0
         self._phases = [""] * len(drives)
         self._told: dict[str, tuple[float, int]] = {}
         self._cycle_s = NAN
@@ -80,6 +83,7 @@ class RigCore:
 
     def start_at(self, start_s: float) -> None:
         """Begin the first cycle at `start_s`, s: building the core may have taken its time."""
+        self._heard(start_s, "listen" if self._link.gate.read_only else "start")
         bus = self.rig.bus
         stagger_s = bus.stagger if bus.schedule == "parameter" else 0.0
         self._schedule = Schedule(start_s, bus.cycle, stagger_s, len(self._link.drives))
@@ -99,6 +103,7 @@ class RigCore:
 
     def on_frame(self, now_s: float, frame: Frame) -> Sequence[Frame]:
         """A frame was received. Nothing is ever sent in answer: what is sent waits for its slot."""
+        self._heard_count += 1
         if frame.is_error:
             self._on_error_frame(now_s, frame)
         samples, events = self._link.receive(now_s, frame)
@@ -110,12 +115,14 @@ class RigCore:
 
     def cue(self, now_s: float, cue: Cue) -> None:
         """A cue has arrived."""
+        self._heard(now_s, "cue", *split_cue(cue))
         verdict = self._motion.cue(now_s, cue)
         if verdict.name != "accepted":
             self._tell(now_s, f"cue_{verdict.name.replace(':', '_')}", verdict.text)
 
     def command(self, now_s: float, command: CommandRecord) -> None:
         """A client's command; its reply is among the records, at the next cycle at the latest."""
+        self._heard(now_s, "command", command)
         if command.name == "gain":
             self._records.append(self._set_gain(command))
         elif command.name in COMMANDS:
@@ -127,20 +134,25 @@ class RigCore:
 
     def gateway_alive(self, now_s: float) -> None:
         """The gateway process has been heard."""
+        self._heard(now_s, "gateway")
         self._gateway_s = now_s
 
     def on_refused(self, now_s: float, frame: Frame, error: BusError) -> None:
         """The bus did not take a frame that had passed the gate."""
+        is_off = isinstance(error, BusOff)
+        self._heard(now_s, "refused_off" if is_off else "refused", frame=frame)
         self._refused_now = True
-        self._bus_off = self._bus_off or isinstance(error, BusOff)
+        self._bus_off = is_off or self._bus_off
         self._tell(now_s, "bus_refused", f"{frame} was not sent: {error}")
 
     def end(self) -> None:
         """Somebody wants to leave: park if the drives are on, then switch them off."""
+        self._heard(self._last_s, "end")
         self._ending = True
 
     def cut_power(self) -> None:
         """Drives off at the next slot, whatever the rig does: parking took too long."""
+        self._heard(self._last_s, "cut_power")
         self._state = self._state.disarm()
 
     # what is due
@@ -152,6 +164,7 @@ class RigCore:
 
     def on_due(self, now_s: float) -> list[Frame]:
         """Do all that is due; returns the frames to send, in order."""
+        self._heard(now_s, "due")
         frames: list[Frame] = []
         for due in self._schedule.take(now_s):
             if due.slot == CYCLE:
@@ -166,6 +179,12 @@ class RigCore:
         """All there is to publish and record since the last call."""
         records, self._records = self._records, []
         return records
+
+    def _heard(self, now_s: float, what: str, *details: Record, frame: Frame = NO_FRAME) -> None:
+        """Enter into the journal what the core is told: fed with it again, it decides the same again."""
+        self._heard_count += 1
+        self._last_s = now_s
+        self._records += (InputRecord(self._heard_count, now_s, what, frame), *details)
 
     def _begin_cycle(self, now_s: float, due: Due) -> list[Frame]:
         self._motion.observe(now_s)
@@ -239,29 +258,16 @@ class RigCore:
                 self._records.append(
                     DriveRecord(now_s, i, status.phase.value, status.enabled, status.error or "")
                 )
-        motion, observed = self._motion, self._motion.observed
-        reference, setpoints = motion.reference, motion.setpoints
-        values = [NAN] * len(statuses) if setpoints is None else setpoints.values.tolist()
-        known = observed.is_known
-        actuators = tuple(
-            ActuatorState(
-                values[i],
-                float(observed.position[i]) if known else NAN,
-                float(observed.velocity[i]) if known else NAN,
-                float(observed.force[i]),
-                float(observed.age_s[i]),
-            )
-            for i in range(len(statuses))
-        )
+        motion, observed, reference = self._motion, self._motion.observed, self._motion.reference
         period_s, self._cycle_s = now_s - self._cycle_s, now_s
         fault = self._state.fault
         self._records.append(
             StateRecord(
                 now_s,
                 self.state,
-                tuple(observed.pose.tolist()) if known else (NAN,) * len(statuses),
+                tuple(observed.pose.tolist()) if observed.is_known else (NAN,) * len(statuses),
                 tuple(reference.pose.tolist()) if reference else (NAN,) * len(statuses),
-                actuators,
+                actuator_states(motion),
                 tracking_error(motion),
                 now_s - due.due_s,
                 period_s,
