@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from hil.config import RigFile
 from hil.drives.imu_node import encode
 from hil.frames import Frame
 from hil.sim.plant import Plant
+
+
+PHASE: Final = 0.8
+"""Of its period, from the start to the first sample: a sensor's clock knows nothing of the master's cycle,
+and would only by chance send just when a cycle begins."""
 
 
 class SimulatedImu:
@@ -25,7 +32,7 @@ class SimulatedImu:
         self._sigma = np.repeat([noise.gyro, noise.accel], 3)
         self._step = np.repeat([noise.gyro_step, noise.accel_step], 3)
         self._counter = 0
-        self.next_due_s = plant.now_s + self._period_s
+        self.next_due_s = plant.now_s + PHASE * self._period_s
 
     def on_time(self, now_s: float) -> list[tuple[float, Frame]]:
         """The frames of every sample that is due, each with its send instant."""
