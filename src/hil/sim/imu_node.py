@@ -11,7 +11,6 @@ from hil.drives.imu_node import encode
 from hil.frames import Frame
 from hil.sim.plant import Plant
 
-
 PHASE: Final = 0.8
 """Of its period, from the start to the first sample: a sensor's clock knows nothing of the master's cycle,
 and would only by chance send just when a cycle begins."""
