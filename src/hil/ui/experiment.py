@@ -28,9 +28,13 @@ def experiment_page(design: Design, rig: RigFile, out_html: Path) -> Path:
         f"{described.duration_s:.1f} s for {rig.name} · uses {100.0 * share:.0f} % of the limit nearest to it"
         f" · shaping changes it by {100.0 * design.shaped.relative:.2g} % of its peak"
     )
-    sections = [("Motion", motion_figure(design, rig)), ("Limits used", limits_figure(design))]
+    sections = [
+        ("Motion", "Shaded: the parts that are meant for measuring.", motion_figure(design, rig)),
+        ("Limits used", "", limits_figure(design)),
+    ]
     if described.period_s and described.lines:
-        sections.append(("Lines", lines_figure(design)))
+        note = "Grey: multiples of 1/period that stay empty; what is measured there is distortion."
+        sections.append(("Lines", note, lines_figure(design)))
     title = f"{described.plan.kind}: {', '.join(described.coordinates)}"
     return page(out_html, escape(title), escape(subtitle), sections)
 
@@ -78,7 +82,7 @@ def motion_figure(design: Design, rig: RigFile) -> go.Figure:
     figure.update_xaxes(title_text="t, s", row=len(rows), col=1)
     figure.update_layout(
         height=190 * len(rows) + 60,
-        margin={"l": 80, "r": 140, "t": 12, "b": 46},
+        margin={"l": 80, "r": 140, "t": 30, "b": 46},
         template="plotly_white",
         font=FONT,
         hovermode="x",
@@ -102,7 +106,7 @@ def limits_figure(design: Design) -> go.Figure:
     figure.update_xaxes(range=[0, 105], title_text="% of limit")
     figure.update_layout(
         height=60 + 22 * len(shown),
-        margin={"l": 190, "r": 140, "t": 10, "b": 46},
+        margin={"l": 190, "r": 140, "t": 30, "b": 46},
         template="plotly_white",
         font=FONT,
         bargap=0.35,
@@ -148,7 +152,7 @@ def lines_figure(design: Design) -> go.Figure:
     figure.update_xaxes(type="log", title_text="frequency, Hz")
     figure.update_layout(
         height=340,
-        margin={"l": 80, "r": 140, "t": 12, "b": 46},
+        margin={"l": 80, "r": 140, "t": 30, "b": 46},
         template="plotly_white",
         font=FONT,
     )

@@ -29,6 +29,7 @@ main { max-width: 1320px; margin: 0 auto; padding: 28px 24px 60px; }
 h1 { font-size: 24px; margin: 0 0 2px; letter-spacing: -0.01em; }
 h2 { font-size: 16px; margin: 0 0 10px; }
 p.sub { margin: 0 0 18px; color: #64748b; }
+p.note { margin: -6px 0 10px; color: #64748b; font-size: 13.5px; }
 section { background: #fff; border: 1px solid #e2e8f0; border-radius: 10px;
           padding: 18px 20px; margin-bottom: 18px; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
@@ -48,13 +49,16 @@ $sections
 
 
 def page(
-    out_html: Path, title: str, subtitle: str, sections: Sequence[tuple[str, Figure | str]]
+    out_html: Path, title: str, subtitle: str, sections: Sequence[tuple[str, str, Figure | str]]
 ) -> Path:
-    """Write headed figures (or HTML) to `out_html`; RunError where it cannot be written.
+    """Write figures (or HTML), each with a heading and a note; RunError where it cannot be written.
 
     About 5 MB of it is the plotting library: nothing is fetched when it is opened.
     """
-    parts = [f"<section><h2>{head}</h2>{_html(body)}</section>" for head, body in sections]
+    parts = [
+        f"<section><h2>{head}</h2>{note and f'<p class="note">{note}</p>'}{_html(body)}</section>"
+        for head, note, body in sections
+    ]
     text = _PAGE.substitute(
         title=title, subtitle=subtitle, plotly=get_plotlyjs(), sections="\n".join(parts)
     )
