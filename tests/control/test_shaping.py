@@ -106,6 +106,32 @@ def test_following_does_not_add_shake_to_a_smooth_cue():
     assert np.max(np.abs(a - true)[settled]) < 0.15 * np.max(np.abs(true))
 
 
+@pytest.mark.parametrize(
+    "goal",
+    [
+        (0.0014, -0.0050, 0.0143),  # a centimetre of one leg
+        (0.006, 0.003, -0.004),
+        (-0.05, 0.03, 0.07),
+        (0.10, -0.12, 0.02),
+    ],
+)
+def test_a_jump_of_the_cue_is_met_without_swinging_about_it(goal):
+    goal = np.array(goal)
+    shaper, guard = CueShaper(RIG, MANIPULATOR), CueGuard(RIG)
+    shaper.follow()
+    poses = []
+    for k in range(550):
+        now = DT * k
+        if k % 2 == 0:
+            asked = tuple((goal if k >= 400 else 0.0 * goal).tolist())
+            held = tuple(TimedPose(0.02 * j, asked) for j in range(6))
+            shaper.accept(guard.check(Cue("sim", k, now, now, held), now).cue)
+        poses.append(shaper.step(now).pose)
+    share = np.array(poses[400:]) / goal
+    assert share.max() < 1.1
+    assert np.all(np.abs(share[60:] - 1.0) < 0.02)
+
+
 def test_a_client_begins_softly():
     stream = Stream(lambda t: np.array([0.0, 0.1, 0.0]))
     stream.shaper.follow()

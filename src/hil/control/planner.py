@@ -54,7 +54,9 @@ class CoordinatePlanner:
         """First cycle of the minimum-jerk path that is at `end` after `within_s`; None over a limit.
 
         The quintic between two states starts with jerk 60 Δp/T³ - (36 v0 + 24 v1)/T² + (3 a1 - 9 a0)/T:
-        poles near 3.7/T whatever the end does, and no lag behind a motion whose end is known.
+        poles near 3.7/T whatever the end does, and no lag behind a motion whose end is known. It ends
+        with the mirrored one, which must be possible too: a path that cannot brake at its end would
+        overshoot, and taking turns with `hurry` it would swing about the target for ever.
         """
         t = within_s
         jerk = (
@@ -62,11 +64,16 @@ class CoordinatePlanner:
             - (36.0 * s.v + 24.0 * end.v) / t**2
             + (3.0 * end.a - 9.0 * s.a) / t
         )
+        last_jerk = (
+            60.0 * (end.p - s.p) / t**3
+            - (24.0 * s.v + 36.0 * end.v) / t**2
+            + (9.0 * end.a - 3.0 * s.a) / t
+        )
         after = self._constant_jerk(s, jerk)
         # Taking the acceleration back to zero must not carry the velocity over its limit.
         peak = abs(after.v + 0.5 * after.a * abs(after.a) / self.jerk)
         if (
-            abs(jerk) <= self.jerk
+            max(abs(jerk), abs(last_jerk)) <= self.jerk
             and abs(after.a) <= self.acceleration
             and max(abs(after.v), peak) <= self.velocity * speed_share
         ):
