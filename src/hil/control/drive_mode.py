@@ -11,7 +11,7 @@ from hil.config import RigFile
 from hil.control.friction import Friction
 from hil.control.observer import Observed
 from hil.control.reference import Reference
-from hil.control.setpoints import Setpoints, slot_offsets
+from hil.control.setpoints import Setpoints, setpoint_leads
 from hil.rigs import Manipulator
 
 Vector = NDArray[np.float64]
@@ -40,9 +40,7 @@ class DriveMode:
     ) -> None:
         self._manipulator = manipulator
         self._friction = Friction(rig)
-        # A straight line arrives one cycle after its start, a held value is right half a cycle late.
-        late_s = 0.0 if rig.bus.interpolation == "linear" else -0.5 * rig.bus.cycle
-        self._late_s = slot_offsets(rig) + late_s + (rig.bus.cycle if rig.bus.retimed else 0.0)
+        self._late_s = setpoint_leads(rig)
         self._cycle_s = rig.bus.cycle
         self._lead = feedforward == "setpoint" and not rig.control.precontrol
         self._pd = np.array([a.law == "pd" for a in rig.actuators])

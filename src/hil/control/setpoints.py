@@ -29,3 +29,13 @@ def slot_offsets(rig: RigFile) -> NDArray[np.float64]:
     """
     stagger = rig.bus.stagger if rig.bus.schedule == "parameter" else 0.0
     return np.array([rig.bus.setpoint_delay + stagger * i for i in range(len(rig.actuators))])
+
+
+def setpoint_leads(rig: RigFile) -> NDArray[np.float64]:
+    """Time from a reference's instant, one cycle ahead, to each drive's reaching its setpoint (n,), s.
+
+    A straight line arrives one cycle after its start, a held value is right half a cycle late; a drive
+    with its own clock plays setpoints another cycle later.
+    """
+    late_s = 0.0 if rig.bus.interpolation == "linear" else -0.5 * rig.bus.cycle
+    return slot_offsets(rig) + late_s + (rig.bus.cycle if rig.bus.retimed else 0.0)

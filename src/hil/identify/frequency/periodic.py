@@ -1,0 +1,175 @@
+"""Periodic records: amplitudes period by period, the excited lines, and the response with its noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import IdentificationError
+from hil.identify.frequency.channels import Channel
+from hil.identify.frequency.harmonics import find_period, repeating_stretch
+from hil.identify.frequency.response import FrequencyResponse, ratio_variance
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+FEWEST_PERIODS: Final = 2
+RATE_SHARE: Final = 0.4
+"""Lines up to this share of the slowest sampling rate are told apart."""
+HIGHEST_HZ: Final = 50.0
+EXCITED: Final = 1.0e-3
+"""A line counts as excited where the cue has this share of its strongest line there [R]."""
+VISIBLE: Final = 3.0
+"""Amplitude over its standard deviation from which a line is seen."""
+SETTLE_S: Final = 3.0
+"""At least so much at the start belongs to the soft start and to transients."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Whole periods of one run."""
+
+    start_s: float
+    period_s: float
+    periods: int
+
+    def starts(self) -> Array:
+        """Start of each period, s."""
+        return np.asarray(self.start_s + self.period_s * np.arange(self.periods))
+
+
+@dataclass(frozen=True, slots=True)
+class Spectra:
+    """Complex amplitudes of P periods at lines 0..K of reference (cue), input and output."""
+
+    window: Window
+    reference: ComplexArray
+    """(P, K + 1)."""
+    input: ComplexArray
+    output: ComplexArray
+    excited: NDArray[np.int64]
+    """Lines that the reference excites."""
+
+    @property
+    def hz(self) -> Array:
+        """(K + 1,) frequencies of the lines."""
+        return np.arange(self.reference.shape[1]) / self.window.period_s
+
+
+def find_window(
+    reference: Channel, others: tuple[Channel, ...], period_s: float | None, name: str
+) -> Window | None:
+    """The whole, settled periods that all channels share; None where the reference does not repeat.
+
+    `period_s`: if given, the reference must repeat with it: IdentificationError if it does not, or
+    where fewer than two periods are left.
+    """
+    lo, hi = reference.span_s
+    step = 1.0 / reference.rate_hz
+    t = np.arange(lo, hi, step)
+    x = reference.at(t)
+    period = find_period(t, x) if period_s is None else period_s
+    stretch = None if period is None else repeating_stretch(t, x, period)
+    if period is None or stretch is None:
+        if period_s is not None:
+            raise IdentificationError(
+                f"{name}: {reference.name} does not repeat after {period_s:g} s: say its true period, or "
+                "none for a record that is not periodic"
+            )
+        return None
+    first = max(stretch[0], *(c.span_s[0] for c in others))
+    last = min(stretch[1], *(c.span_s[1] for c in others)) + 1e-6
+    first += period * max(1, math.ceil(SETTLE_S / period))
+    periods = math.floor((last - first) / period)
+    if periods < FEWEST_PERIODS:
+        raise IdentificationError(
+            f"{name}: of {reference.name}, which repeats from {stretch[0]:.2f} to {stretch[1]:.2f} s every "
+            f"{period:g} s, {max(periods, 0)} whole periods are left after settling; noise needs "
+            f"{FEWEST_PERIODS} to be told from response: repeat the experiment with more periods"
+        )
+    return Window(first, period, periods)
+
+
+def line_count(channels: Sequence[Channel], period_s: float, highest_hz: float | None) -> int:
+    """Lines of the period up to `highest_hz`, or up to what the slowest channel can tell."""
+    slowest = min(c.rate_hz for c in channels)
+    limit = RATE_SHARE * slowest
+    if highest_hz is not None and highest_hz > limit:
+        raise IdentificationError(
+            f"lines up to {highest_hz:g} Hz are asked for; sampled {slowest:.1f} times a second these "
+            f"channels tell lines up to {limit:.1f} Hz"
+        )
+    count = math.floor(min(limit, highest_hz or HIGHEST_HZ) * period_s + 1e-9)
+    if count < 1:
+        raise IdentificationError(f"a period of {period_s:g} s has no line below {limit:g} Hz")
+    return count
+
+
+def spectra(
+    window: Window, reference: Channel, input_: Channel, output: Channel, count: int
+) -> Spectra:
+    """Amplitudes of every period at the mean and `count` lines."""
+
+    def of(channel: Channel) -> ComplexArray:
+        return np.array([channel.amplitudes(s, window.period_s, count) for s in window.starts()])
+
+    r = of(reference)
+    u = r if input_ is reference else of(input_)
+    y = u if output is input_ else of(output)
+    strength = np.abs(r.mean(axis=0))
+    strength[0] = 0.0
+    excited = np.flatnonzero(strength > EXCITED * strength.max())
+    return Spectra(window, r, u, y, excited)
+
+
+def respond(s: Spectra, input_: Channel, output: Channel) -> FrequencyResponse:
+    """Response at the excited lines from the mean of the periods, noise from their scatter.
+
+    IdentificationError where the output or the input drowns in noise at most lines; single lines that
+    do are left out and named in the notes.
+    """
+    lines, periods = s.excited, s.window.periods
+    u, y = s.input[:, lines], s.output[:, lines]
+    um, ym = u.mean(axis=0), y.mean(axis=0)
+    du, dy = u - um, y - ym
+    share = 1.0 / (periods - 1) / periods
+    var_u = share * np.sum(np.abs(du) ** 2, axis=0)
+    var_y = share * np.sum(np.abs(dy) ** 2, axis=0)
+    cov = share * np.sum(dy * du.conj(), axis=0)
+    seen = (np.abs(um) > VISIBLE * np.sqrt(var_u)) & (np.abs(ym) > VISIBLE * np.sqrt(var_y))
+    notes = check_seen(seen, s.hz[lines], input_.name, output.name)
+    power = np.sum(np.abs(u) ** 2, axis=0) * np.sum(np.abs(y) ** 2, axis=0)
+    coherence = np.abs(np.sum(y * u.conj(), axis=0)) ** 2 / power
+    std = np.sqrt(ratio_variance(ym, um, var_y, var_u, cov))
+    return FrequencyResponse(
+        input_.name,
+        output.name,
+        f"{output.unit}/{input_.unit}",
+        "periodic",
+        s.hz[lines][seen],
+        (ym / um)[seen],
+        std[seen],
+        np.full(int(seen.sum()), float(periods - 1)),
+        coherence[seen],
+        notes,
+    )
+
+
+def check_seen(
+    seen: NDArray[np.bool_], hz: Array, input_name: str, output_name: str
+) -> tuple[str, ...]:
+    """Notes on lines that are not seen; IdentificationError where they are more than half."""
+    if seen.sum() * 2 < len(seen) or not len(seen):
+        raise IdentificationError(
+            f"{input_name} to {output_name}: at {len(seen) - seen.sum()} of {len(seen)} excited lines the "
+            "motion is not seen above the noise: use a larger amplitude, fewer lines or more periods"
+        )
+    if seen.all():
+        return ()
+    lost = ", ".join(f"{f:.3g}" for f in hz[~seen])
+    return (f"left out, as not seen above the noise: {lost} Hz",)
