@@ -17,7 +17,10 @@ COMMANDS: dict[str, str] = {
     "watch": "client:watch",
     "cue": "cue:app",
     "runs": "runs:app",
+    "replay": "replay:replay",
     "config": "config:app",
+    "rig": "workspace:app",
+    "experiment": "experiment:app",
     "identify": "identify:app",
 }
 """Name of each command: module in hil.cli, and the function or typer app in it. In the order of `--help`."""

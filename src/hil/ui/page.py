@@ -56,7 +56,7 @@ def page(
     About 5 MB of it is the plotting library: nothing is fetched when it is opened.
     """
     parts = [
-        f"<section><h2>{head}</h2>{note and f'<p class="note">{note}</p>'}{_html(body)}</section>"
+        f"<section><h2>{head}</h2>{_noted(note)}{_html(body)}</section>"
         for head, note, body in sections
     ]
     text = _PAGE.substitute(
@@ -68,6 +68,10 @@ def page(
     except OSError as error:
         raise RunError(f"{out_html}: cannot be written: {error.strerror}") from error
     return out_html
+
+
+def _noted(note: str) -> str:
+    return f'<p class="note">{note}</p>' if note else ""
 
 
 def _html(body: Figure | str) -> str:
