@@ -8,6 +8,7 @@ gathers in `take_records`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Final
 
 from hil.bus.state import ERR_BUS_OFF, ERR_RESTARTED
@@ -87,7 +88,7 @@ class RigCore:
         bus = self.rig.bus
         stagger_s = bus.stagger if bus.schedule == "parameter" else 0.0
         self._schedule = Schedule(start_s, bus.cycle, stagger_s, len(self._link.drives))
-        self._gateway_s = start_s
+        self._gateway_s = inf  # not heard yet: it may take seconds to start, and nothing moves before
 
     @property
     def state(self) -> str:
