@@ -1,10 +1,11 @@
 # Two commands: `make run` sets up and runs the demo; `make test` sets up and passes the tests.
 PYTHON ?= python3.11
+PREFIX ?= /opt/hil
 VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint types imports check bench clean
+.PHONY: help run test test-vcan lint types imports check install bench clean
 
 help: ## what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -24,6 +25,9 @@ run: $(VENV)/run.stamp ## the simulated motorcycle rig, the daemon and a riding 
 test: $(VENV)/dev.stamp ## all tests that need no root and no SocketCAN
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
+test-vcan: $(VENV)/dev.stamp ## the tests over real SocketCAN, in a guest where this kernel has none
+	tests/vcan/run
+
 lint: $(VENV)/dev.stamp ## style
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -35,6 +39,11 @@ imports: $(VENV)/dev.stamp ## imports go down only
 	$(BIN)/lint-imports
 
 check: lint types imports test ## all of the above
+
+install: ## into PREFIX (/opt/hil) as a service: make install RIG=motorcycle, or RIG=/path/to/rig.toml
+	$(PYTHON) -m venv $(PREFIX)
+	$(PREFIX)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt .
+	$(PREFIX)/bin/hil service install $(if $(RIG),--rig $(RIG))
 
 bench: $(VENV)/dev.stamp ## the measured figures, as tables
 	$(BIN)/python -m benchmarks
