@@ -18,6 +18,7 @@ COMMANDS: dict[str, str] = {
     "cue": "cue:app",
     "runs": "runs:app",
     "replay": "replay:replay",
+    "service": "service:app",
     "config": "config:app",
     "rig": "workspace:app",
     "experiment": "experiment:app",
@@ -43,6 +44,7 @@ class LazyGroup(TyperGroup):
             single = typer.Typer(rich_markup_mode="markdown")
             single.command(cmd_name)(found)
             found = single
+        found._add_completion = False  # `hil` itself offers it; a group of its own is none
         command = get_command(found)
         command.name = cmd_name
         return command
