@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ import typer
 
 from hil.bus.hub import Hub
 from hil.bus.port import open_port
-from hil.cli.console import RigArgument, err
+from hil.cli.console import RigArgument, complain, err
 from hil.cli.options import (
     CanOption,
     ListenOption,
@@ -25,6 +26,7 @@ from hil.config import RigFile
 from hil.daemon.gateway import GatewayOptions
 from hil.daemon.realtime import PRIORITY, request_fifo
 from hil.daemon.run import run_rig
+from hil.errors import ConfigError
 from hil.sim.rig import SimulatedRig
 from hil.sim.serve import serve_until_signalled
 
@@ -48,11 +50,17 @@ def run(
 ) -> None:
     """Run a rig: the daemon, both processes, until Ctrl-C or SIGTERM, which park the rig first.
 
+    Exit code 78 where rig or drive file is wrong: hild.service does not try again then.
+
     Comes up disarmed. `hil command RIG arm` arms it, a cue client moves it, `hil watch RIG` shows it.
     """
-    settings, text = rig_with(rig, can=can, mode=mode, listen=listen, runs=runs)
     options = GatewayOptions(is_recording=record, runs_folder=runs, metrics_port=metrics_port)
-    code = run_rig(settings, text, profiles_of(settings), options, read_only=read_only)
+    try:
+        settings, text = rig_with(rig, can=can, mode=mode, listen=listen, runs=runs)
+        code = run_rig(settings, text, profiles_of(settings), options, read_only=read_only)
+    except ConfigError as error:
+        complain(str(error))
+        raise typer.Exit(os.EX_CONFIG) from error
     if code:
         raise typer.Exit(code)
 

@@ -31,7 +31,7 @@ from hil.signals import Event
 
 ALIVE_S: Final = 0.1
 """Interval of the heartbeat to control."""
-LINGER_S: Final = 10.0
+LINGER_S: Final = 30.0
 """After SIGINT or SIGTERM the gateway still records this long how control parks the rig."""
 AT_REST: Final = ("offline", "preparing", "parked", "ready")
 """States in which the end of control is nothing to worry about."""

@@ -1,0 +1,180 @@
+"""The service that a rig PC gets: what is put where, and that systemd finds nothing wrong with it."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from hil.configfile import data_folder, find_rig_file, load_rig
+from hil.daemon import service
+from hil.daemon.control_process import PARK_S
+from hil.daemon.gateway import LINGER_S
+from hil.daemon.realtime import PRIORITY
+from hil.daemon.run import GATEWAY_END_S
+from hil.errors import ConfigError, HilError
+
+HIL = Path("/opt/hil/bin/hil")
+needs_analyze = pytest.mark.skipif(
+    shutil.which("systemd-analyze") is None, reason="this system has no systemd-analyze"
+)
+
+
+@pytest.fixture
+def rig_on_can(tmp_path):
+    path = tmp_path / "rig.toml"
+    text = find_rig_file("motorcycle").read_text()
+    path.write_text(re.sub(r"(?m)^url = .*$", 'url = "socketcan:can1"', text))
+    assert load_rig(path).can.url == "socketcan:can1"
+    return path
+
+
+@pytest.fixture
+def root(tmp_path):
+    return tmp_path / "root"
+
+
+def install(root, rig):
+    return service.install(root, str(rig), executable=HIL)
+
+
+def test_an_installation_puts_units_user_folders_and_rig_file(root, rig_on_can):
+    install(root, rig_on_can)
+    placed = {str(p.relative_to(root)) for p in root.rglob("*") if p.is_file()}
+    assert placed == {
+        "etc/hil/can1.env",
+        "etc/hil/rig.toml",
+        "etc/systemd/system/hil-can@.service",
+        "etc/systemd/system/hild.service",
+        "etc/systemd/system/hild.service.d/can.conf",
+        "etc/sysusers.d/hil.conf",
+        "etc/tmpfiles.d/hil.conf",
+    }
+    assert "BITRATE=500000" in (root / "etc/hil/can1.env").read_text()
+    assert (root / "etc/hil/rig.toml").read_text() == rig_on_can.read_text()
+
+
+def test_the_unit_starts_the_hil_that_installed_it(root, rig_on_can):
+    service.install(root, str(rig_on_can), executable=Path("/srv/rig/bin/hil"))
+    unit = (root / "etc/systemd/system/hild.service").read_text()
+    assert "ExecStart=/srv/rig/bin/hil run /etc/hil/rig.toml" in unit
+    assert "/opt/hil" not in unit
+
+
+def test_a_rig_on_a_virtual_bus_brings_no_interface_up(root, rig_on_can):
+    install(root, rig_on_can)
+    text = rig_on_can.read_text().replace("can1", "vcan0")
+    rig_on_can.write_text(text)
+    install(root, rig_on_can)
+    assert not (root / "etc/systemd/system/hild.service.d/can.conf").exists()
+    assert not (root / "etc/hil/vcan0.env").exists()
+
+
+def test_installing_twice_changes_nothing(root, rig_on_can):
+    install(root, rig_on_can)
+    again = install(root, rig_on_can)
+    assert not [line for line in again if line.startswith(("wrote", "replaced", "kept"))]
+
+
+def test_the_rig_file_that_was_there_is_kept_beside_the_new_one(root, rig_on_can):
+    install(root, "axis")
+    install(root, rig_on_can)
+    assert (root / "etc/hil/rig.toml.old").read_text() == find_rig_file("axis").read_text()
+
+
+def test_a_dry_run_says_the_same_and_does_nothing(root, rig_on_can):
+    said = service.install(root, str(rig_on_can), executable=HIL, dry_run=True)
+    assert not root.exists()
+    assert install(root, rig_on_can) == said
+
+
+def test_without_a_rig_file_it_says_so(root):
+    with pytest.raises(HilError, match="--rig"):
+        service.install(root, None, executable=HIL)
+
+
+def test_a_wrong_rig_file_is_not_installed(root, tmp_path):
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(find_rig_file("axis").read_text().replace("m = 95.0", "m = -95.0"))
+    with pytest.raises(ConfigError, match=r"mass\.m"):
+        install(root, wrong)
+    assert not root.exists()
+
+
+def test_a_hil_that_the_service_cannot_see_is_refused(root, rig_on_can):
+    with pytest.raises(HilError, match="make install"):
+        service.install(root, str(rig_on_can), executable=Path("/home/rider/venv/bin/hil"))
+
+
+def test_status_tells_what_was_changed(root, rig_on_can):
+    install(root, rig_on_can)
+    unit = root / "etc/systemd/system/hild.service"
+    unit.write_text(unit.read_text() + "# mine\n")
+    said = service.status(root, HIL)
+    assert "differs   /etc/systemd/system/hild.service" in said
+    assert "installed /etc/hil/can1.env" in said
+
+
+def test_uninstalling_leaves_what_is_the_owners(root, rig_on_can):
+    install(root, rig_on_can)
+    service.uninstall(root)
+    assert not (root / "etc/systemd/system/hild.service.d").exists()
+    left = {str(p.relative_to(root)) for p in root.rglob("*") if p.is_file()}
+    assert left == {"etc/hil/rig.toml"}
+
+
+def test_uninstalling_leaves_the_owners_overrides(root, rig_on_can):
+    install(root, rig_on_can)
+    override = root / "etc/systemd/system/hild.service.d/override.conf"
+    override.write_text("[Service]\nWatchdogSec=5\n")
+    service.uninstall(root)
+    assert override.exists()
+
+
+def unit_values(key):
+    text = (data_folder("systemd") / "hild.service").read_text()
+    return re.findall(rf"(?m)^{key}=(.*)$", text)
+
+
+def test_its_limits_fit_what_the_daemon_does():
+    assert int(unit_values("LimitRTPRIO")[0]) >= PRIORITY
+    assert unit_values("LimitMEMLOCK") == ["infinity"]
+    stop_s = float(unit_values("TimeoutStopSec")[0])
+    assert stop_s > PARK_S + GATEWAY_END_S  # nobody is killed while the rig parks
+    assert LINGER_S > PARK_S  # the gateway records all of it
+    assert "NUMBA_CACHE_DIR" not in unit_values("Environment")[0]
+
+
+@needs_analyze
+@pytest.mark.parametrize("unit", ["hild.service", "hil-can@can1.service"])
+def test_systemd_finds_nothing_wrong_with_the_units(root, rig_on_can, unit, tmp_path):
+    program = tmp_path / "hil"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    service.install(root, str(rig_on_can), executable=program)
+    folder = root / "etc/systemd/system"
+    if "@" in unit:  # systemd-analyze wants an instance by name
+        shutil.copy2(folder / "hil-can@.service", folder / unit)
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(folder / unit)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert str(folder) not in done.stderr
+
+
+@needs_analyze
+@pytest.mark.parametrize("unit", ["hild.service", "hil-can@.service"])
+def test_what_they_may_do_is_little(unit, tmp_path):
+    path = tmp_path / unit.replace("@", "@can1")
+    path.write_text((data_folder("systemd") / unit).read_text())
+    done = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", "--threshold=20", str(path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-400:] + done.stderr
