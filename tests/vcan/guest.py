@@ -48,7 +48,7 @@ def run_in_guest(command: list[str], *, timeout_s: float, memory: str = "3G") ->
                 stderr=subprocess.STDOUT,
                 pass_fds=(output,),
                 start_new_session=True,
-                preexec_fn=_calm,  # noqa: PLW1509 - there are no threads here
+                preexec_fn=_calm,
             )
             try:
                 guest.wait(timeout_s)
@@ -64,7 +64,9 @@ def run_in_guest(command: list[str], *, timeout_s: float, memory: str = "3G") ->
             return int((scratch / "exit").read_text())
         except (FileNotFoundError, ValueError):
             sys.stderr.write(log.read_text(errors="replace")[-4000:])
-            print("the guest ended before the command did; its kernel's log is above", file=sys.stderr)
+            print(
+                "the guest ended before the command did; its kernel's log is above", file=sys.stderr
+            )
             return NOT_RUN
 
 
