@@ -15,7 +15,6 @@ from typer.core import TyperGroup
 from hil.cli.console import JsonFlag, err, out, write_json
 from hil.configfile import find_rig_file, load_rig
 from hil.identify.estimate import (
-    BodySet,
     Identification,
     LinearMethod,
     LinearOptions,
@@ -78,12 +77,13 @@ def fit(
     ],
     rig: Annotated[str, typer.Option("--rig", help="Rig file of the rig that ran, or its name.")],
     method: Annotated[
-        Method,
+        Method | None,
         typer.Option(
             help="ols, wls: least squares. iv: with instruments from the twin, where noise meets a closed "
-            "loop. adaptive: the gradient law. twin: output error, anything by name. grid: a grid first."
+            "loop. adaptive: the gradient law. twin: output error, anything by name. grid: a grid first. "
+            "Default: iv where setpoints were recorded, else wls."
         ),
-    ] = Method.wls,
+    ] = None,
     body: Annotated[
         Body, typer.Option(help="principal: mass and three moments; full: all ten (not for twin).")
     ] = Body.principal,
@@ -129,8 +129,8 @@ def fit(
         if parameters or grid:
             raise typer.BadParameter("--parameters and --grid are for --method twin and grid")
         options = LinearOptions(
-            method=cast(LinearMethod, method.value),
-            body=cast(BodySet, body.value),
+            method=cast(LinearMethod, method.value) if method else None,
+            body=body.value,
             cutoff_hz=cutoff,
         )
         outcome = identify(loaded, settings, options)

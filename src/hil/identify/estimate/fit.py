@@ -37,7 +37,9 @@ LinearMethod = Literal["ols", "wls", "iv", "adaptive"]
 class LinearOptions:
     """How to fit the linear problem."""
 
-    method: LinearMethod = "wls"
+    method: LinearMethod | None = None
+    """None: iv where the runs hold setpoints, else wls. Without instruments noise in the positions makes
+    inertia come out a little small."""
     body: BodySet = "principal"
     offsets: bool | None = None
     """A constant force a drive; None: where gravity does not act along the actuator."""
@@ -113,25 +115,37 @@ def identify_linear(
     check_force(problem, rig)
     notes = [*notes, *quiet_coordinates(problem.prepared, rig)]
     replayable = all(len(p.setpoints) == len(rig.actuators) for p in pieces)
+    method = options.method or ("iv" if replayable else "wls")
     instruments = None
-    if options.method == "iv":
+    if method == "iv":
         instruments = problem_of(simulated(rig, pieces, {}))
     found = linear.weighted(problem, instruments)
-    if options.method == "ols":
+    if method == "ols":
         found = linear.ordinary(problem)
-    values, covariance = found.values, found.covariance
-    if options.method == "adaptive":
+    values, covariance, widening = found.values, found.covariance, np.zeros_like(found.covariance)
+    if method == "adaptive":
         run = adapt(problem, found.sigma_n)
         values = run.values
-        covariance = covariance + np.diag((values - found.values) ** 2)
+        widening = np.diag((values - found.values) ** 2)
+        covariance = covariance + widening
         notes.append(
             f"adaptive law: dt eig(K Y'Y) up to {run.worst:.3g} (stable below 2); last pass moved no "
             f"parameter by more than {100 * run.settled.max():.2g} % of its size; intervals are those of "
             "weighted least squares, widened by what the law still lacks"
         )
     if options.draws and replayable:
-        calibration = _calibration(rig, pieces, problem, values, options, found.sigma_n, problem_of)
+
+        def estimate(some: Sequence[Stretch]) -> Array:
+            return linear.solve(problem_of(some), found.sigma_n, instruments).values
+
+        calibration = _calibration(rig, pieces, problem, values, options, estimate)
         values = values - calibration.bias
+        if calibration.best is not None:
+            foreseen = linear.solve(
+                problem_of(calibration.best), found.sigma_n, instruments
+            ).residual
+            found = linear.solve(problem, found.sigma_n, instruments, foreseen)
+            covariance = found.covariance + widening
         covariance = covariance + calibration.covariance
         worst = float((np.abs(calibration.bias) / problem.scale).max())
         notes.append(
@@ -149,7 +163,7 @@ def identify_linear(
     predicted = problem.W @ values
     return Outcome(
         Identification(
-            rig=rig.name, runs=runs, method=options.method, estimates=answer,
+            rig=rig.name, runs=runs, method=method, estimates=answer,
             fit=_shares(rig, problem, predicted), rank=analysis.rank, condition=analysis.condition,
             untold=tuple(d.text for d in analysis.untold), effective_samples=found.effective,
             notes=tuple(notes),
@@ -164,22 +178,20 @@ def _calibration(
     problem: Regression,
     values: Array,
     options: LinearOptions,
-    sigma_n: Array,
-    problem_of: Callable[[Sequence[Stretch]], Regression],
+    estimate: Callable[[Sequence[Stretch]], Array],
 ) -> Calibration:
     """Bias and spread at the estimate; at the rig file's values where no rig could have the estimate."""
-    own, effects, possible = as_rig_values(rig, problem.names, values)
-    if not possible:
-        own, effects, _ = as_rig_values(rig, problem.names, problem.nominal)
-    given = {**own, **effects}
-    base = values if possible else problem.nominal
-    truth = np.array([given.get(n, v) for n, v in zip(problem.names, base, strict=True)])
 
-    def estimate(some: Sequence[Stretch]) -> Array:
-        return linear.solve(problem_of(some), sigma_n).values
+    def replay(at: Array, rng: np.random.Generator | None) -> tuple[Array, list[Stretch]]:
+        own, effects, possible = as_rig_values(rig, problem.names, at)
+        if not possible:
+            at = problem.nominal
+            own, effects, _ = as_rig_values(rig, problem.names, at)
+        given = {**own, **effects}
+        truth = np.array([given.get(n, v) for n, v in zip(problem.names, at, strict=True)])
+        return truth, simulated(with_numbers(rig, own), pieces, effects, rng)
 
-    rng = np.random.default_rng(options.seed)
-    return calibrate(with_numbers(rig, own), pieces, truth, effects, estimate, options.draws, rng)
+    return calibrate(pieces, replay, estimate, values, options.draws, options.seed)
 
 
 def as_rig_values(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import RigFile
+from hil.identify.estimate.calibration import Calibration, redrawn, weigh
 from hil.identify.estimate.directions import UNTOLD, analyse
 from hil.identify.estimate.fit import Curves, Outcome, checked
 from hil.identify.estimate.gridsearch import grid_search
@@ -32,22 +33,21 @@ class TwinOptions:
     """What to fit, and to which signals."""
 
     parameters: tuple[str, ...] = ()
-    """Names; empty: mass, principal moments, and each actuator's friction and command delay."""
+    """Names; empty: mass, principal moments, each actuator's friction."""
     quantities: tuple[str, ...] = ("position", "force")
     grid: Mapping[str, tuple[float, float, int]] | None = None
     """Search these (lowest, highest, points) before the local fit."""
+    draws: int = 8
+    """Replays at other arrival times of the setpoints, for the intervals."""
+    seed: int = 0
 
 
 def default_parameters(rig: RigFile) -> tuple[str, ...]:
-    """What `TwinOptions` fits unless told: delays stand among them, for they pass for friction."""
+    """What `TwinOptions` fits unless told."""
     body = {
         "axis_1dof": ("mass.m",),
     }.get(rig.kind, ("mass.m", "mass.inertia.xx", "mass.inertia.yy", "mass.inertia.zz"))
-    each = [
-        f"{a}.{field}"
-        for a in rig.actuator_names
-        for field in ("viscous", "coulomb", "transport_delay.delay")
-    ]
+    each = [f"{a}.{field}" for a in rig.actuator_names for field in ("viscous", "coulomb")]
     return (*body, *each)
 
 
@@ -68,10 +68,44 @@ def identify_twin(runs: Sequence[Run], rig: RigFile, options: TwinOptions | None
                 f"best one: {_ranges(problem, options.grid, found.alike)}"
             )
     best = best or fit(problem)
+    timing = timing_spread(rig, pieces, problem, best, options)
+    best = replace(
+        best, values=best.values - timing.bias, covariance=best.covariance + timing.covariance
+    )
     return Outcome(
         identification_of(problem, best, method, tuple(r.path.name for r in runs), notes),
         _curves(rig, pieces, problem, best),
     )
+
+
+def timing_spread(
+    rig: RigFile,
+    pieces: Sequence[Stretch],
+    problem: TwinProblem,
+    best: OutputErrorFit,
+    options: TwinOptions,
+) -> Calibration:
+    """How arrival times that the record leaves open would shift the fit, to first order."""
+    reference = problem.predict(best.values[None, :])[0]
+    scale, slopes = problem.scale, problem.jacobian(best.values)
+    gain = np.linalg.pinv(best.jacobian * scale, rcond=1e-7)
+    shifts, misfits = [np.zeros(len(scale))], [_misfit(problem, reference)]
+    rng = np.random.default_rng(options.seed)
+    for _ in range(options.draws - 1):
+        moved = [replace(p, setpoints=redrawn(rig, p, rng)) for p in pieces]
+        other = TwinProblem(rig, moved, problem.names, options.quantities)
+        flat = other.predict(best.values[None, :])[0]
+        shift = scale * (gain @ best.noise.whiten(problem, flat - reference))
+        shifts.append(shift)
+        refitted = flat - slopes @ shift
+        misfits.append(_misfit(problem, refitted))
+    return weigh(np.array(shifts), np.array(misfits))
+
+
+def _misfit(problem: TwinProblem, flat: Array) -> float:
+    """Mean over the signals of the logarithm of the mean square residual."""
+    squares = [float(np.mean((flat - problem.measured)[part] ** 2)) for _, part in problem.signals]
+    return float(np.mean(np.log(np.maximum(squares, 1e-30))))
 
 
 def identification_of(

@@ -41,8 +41,16 @@ class LinearFit:
         return max(self.effective - len(self.values), 3.0)
 
 
-def solve(problem: Regression, sigma_n: Array, instruments: Regression | None = None) -> LinearFit:
+def solve(
+    problem: Regression,
+    sigma_n: Array,
+    instruments: Regression | None = None,
+    foreseen: Array | None = None,
+) -> LinearFit:
     """p of (Z'W) p = Z'y, rows of actuator i weighed by 1 / sigma_n[i]; Z = W unless `instruments` are given.
+
+    `foreseen` (N, n), N: residuals that are no chance, for the twin has them too; what is left of the
+    residuals without them makes the covariance, where that is less.
 
     A direction of p that no row sees comes out at the rig file's values, with an infinite variance.
     IdentificationError where nothing moved.
@@ -65,8 +73,13 @@ def solve(problem: Regression, sigma_n: Array, instruments: Regression | None = 
     step = inverse @ np.einsum("tip,ti->p", Z * scale, left)
     values = problem.nominal + scale * step
     error = (left - W @ (scale * step)) * keep
-    moments = np.einsum("tip,ti->tp", Z * scale, error)
-    lag = _lag(problem, error)
+    chance = error
+    if foreseen is not None:
+        left_over = error - np.nan_to_num(foreseen) * weight
+        if np.sum(left_over**2) < np.sum(error**2):
+            chance = left_over
+    moments = np.einsum("tip,ti->tp", Z * scale, chance)
+    lag = _lag(problem, chance)
     S = sum(
         (
             long_run(moments[a:b], lag)
@@ -77,7 +90,7 @@ def solve(problem: Regression, sigma_n: Array, instruments: Regression | None = 
     covariance = inverse @ S @ inverse.T
     covariance += 1e16 * Vt[~seen].T @ Vt[~seen]
     rows = int(keep.sum())
-    effective = rows / _inflation(problem, error, lag)
+    effective = rows / _inflation(problem, chance, lag)
     covariance *= effective / max(effective - seen.sum(), 1.0)
     residual = np.where(keep, error * sigma_n, np.nan)
     return LinearFit(

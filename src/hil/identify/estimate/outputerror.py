@@ -14,7 +14,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from hil.errors import IdentificationError
@@ -25,6 +24,11 @@ ORDER: Final = 8
 """Most terms of a residual's autoregression."""
 ROUNDS: Final = 3
 """Fits, each with the noise model of the one before."""
+STEPS: Final = 8
+SHARES: Final = (1.0, 0.5, 0.2, 0.05)
+"""Parts of a Gauss-Newton step that are tried side by side."""
+SETTLED: Final = 0.1
+"""A step below this share of a parameter's standard deviation ends the search."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,28 +173,44 @@ def profile(
 def _minimise(
     problem: TwinProblem, start: Array, noise: NoiseModel, fixed: int | None = None
 ) -> Array:
-    free = [i for i in range(len(start)) if i != fixed]
-    if not free:
-        return start
-    scale = problem.scale[free]
-    lower, upper = (b[free] / scale for b in problem.bounds)
+    """Gauss-Newton with a parallel line search, until a step is small against its own uncertainty."""
+    free = np.array([i for i in range(len(start)) if i != fixed], dtype=int)
+    scale = problem.scale
+    lower, upper = problem.bounds
+    values = np.array(start)
+    residual = noise.whiten(problem, _residual(problem, values))
+    for _ in range(STEPS if len(free) else 0):
+        slopes = noise.whiten(problem, problem.jacobian(values))[:, free] * scale[free]
+        step, deviation = _step(slopes, residual)
+        pushes = ((values[free] <= lower[free]) & (step < 0.0)) | (
+            (values[free] >= upper[free]) & (step > 0.0)
+        )
+        if pushes.any():  # what presses against a bound stays there
+            slopes[:, pushes] = 0.0
+            step, deviation = _step(slopes, residual)
+        step = step / max(1.0, float(np.abs(step).max()))
+        rows = np.tile(values, (len(SHARES), 1))
+        rows[:, free] += np.outer(SHARES, step * scale[free])
+        rows = np.clip(rows, lower, upper)
+        errors = [noise.whiten(problem, flat - problem.measured) for flat in problem.predict(rows)]
+        costs = [float(e @ e) if np.all(np.isfinite(e)) else np.inf for e in errors]
+        best = int(np.argmin(costs))
+        if not costs[best] < float(residual @ residual):
+            break
+        values, residual = rows[best], errors[best]
+        if np.all(np.abs(SHARES[best] * step) < SETTLED * deviation):
+            break
+    return values
 
-    def full(z: Array) -> Array:
-        values = np.array(start)
-        values[free] = z * scale
-        return values
 
-    def residual(z: Array) -> Array:
-        return noise.whiten(problem, _residual(problem, full(z)))
-
-    def slopes(z: Array) -> Array:
-        return noise.whiten(problem, problem.jacobian(full(z))[:, free]) * scale
-
-    inside = np.clip(start[free] / scale, lower + 1e-9, upper - 1e-9)
-    answer = least_squares(
-        residual, inside, jac=slopes, bounds=(lower, upper), xtol=1e-6, ftol=1e-8, max_nfev=25
-    )
-    return full(answer.x)
+def _step(slopes: Array, residual: Array) -> tuple[Array, Array]:
+    """(step, its standard deviation), both in scales; directions that nothing depends on stay."""
+    U, s, Vt = np.linalg.svd(slopes, full_matrices=False)
+    seen = s > 1e-7 * max(float(s[0]), 1e-300)
+    step = -Vt[seen].T @ ((U[:, seen].T @ residual) / s[seen])
+    variance = float(residual @ residual) / len(residual)
+    deviation = np.sqrt(variance * np.sum((Vt[seen].T / s[seen]) ** 2, axis=1)) + 1e-9
+    return step, deviation
 
 
 def _residual(problem: TwinProblem, values: Array) -> Array:
