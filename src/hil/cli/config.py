@@ -8,6 +8,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from hil.bus.schedule import require_schedule_fits
 from hil.cli.console import JsonFlag, RigArgument, complain, out, write_json
 from hil.config import RigFile
 from hil.config.base import Settings
@@ -22,6 +23,7 @@ def check(rig: RigArgument, json: JsonFlag = False) -> None:
     """Read a rig file and say what is wrong with it, or that nothing is. Exit code 1 if it is wrong."""
     try:
         loaded = load_rig(rig)
+        require_schedule_fits(loaded)
     except ConfigError as error:
         if json:
             write_json({"ok": False, "faults": str(error).splitlines()})

@@ -18,6 +18,7 @@ COMMANDS: dict[str, str] = {
     "cue": "cue:app",
     "runs": "runs:app",
     "replay": "replay:replay",
+    "check": "check:check",
     "service": "service:app",
     "config": "config:app",
     "rig": "workspace:app",

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from hil.bus.port import open_port
+from hil.bus.schedule import require_schedule_fits
 from hil.config import RigFile
 from hil.daemon.control_process import ControlProcess
 from hil.daemon.gateway import GatewayOptions
@@ -34,8 +35,10 @@ def run_rig(
 ) -> int:
     """Run the rig until SIGINT or SIGTERM. Returns 0, or 1 if the gateway process died meanwhile.
 
-    RigInUse where another daemon has the rig or the bus, BusError where there is no such bus.
+    ConfigError where rig file, drive file and bit rate contradict each other, RigInUse where another
+    daemon has the rig or the bus, BusError where there is no such bus.
     """
+    require_schedule_fits(rig)
     drives = build_drivers(rig, profiles)
     with contextlib.ExitStack() as stack:
         stack.enter_context(RigLock(rig.name, rig.can.url))

@@ -1,0 +1,171 @@
+"""Whether the drives are there: by listening, by asking one parameter, or by preparing them as for arming."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import time
+from collections.abc import Mapping
+
+from hil.bus.port import BusPort, open_port
+from hil.config import RigFile
+from hil.daemon.check import Finding, Probe
+from hil.daemon.core import RigCore
+from hil.daemon.lock import RigLock
+from hil.drives import DrivePhase, build_drivers
+from hil.drives.lust_cdd3000.codec import FrameIds, Mode, Request, encode_request, frame_ids
+from hil.drives.profile import GROUP, LustProfile
+from hil.errors import BusBusy, HilError, RigInUse
+from hil.frames import Frame
+from hil.safety import Gate, gate_limits
+
+ANSWER_S = 0.3
+"""A drive that is asked gets so long to answer."""
+PREPARE_S = 15.0
+"""Drives get so long from log-on to ready."""
+SETTLED = (DrivePhase.READY, DrivePhase.FAULT)
+
+
+def check_drives(rig: RigFile, profiles: Mapping[str, LustProfile], probe: Probe) -> list[Finding]:
+    """All about the drives, as far as `probe` goes. With another daemon on the bus it only listens."""
+    profile = profiles[rig.actuators[0].drive.profile]
+    ids = [frame_ids(profile.ids, rig.address(i)) for i in range(len(rig.actuators))]
+    is_silent = not (probe.asks or probe.prepares)
+    try:
+        with contextlib.ExitStack() as stack:
+            if not is_silent:
+                stack.enter_context(RigLock(rig.name, rig.can.url))
+            port = open_port(rig.can.url, bitrate_bps=rig.can.bitrate, read_only=is_silent)
+            stack.callback(port.close)
+            if is_silent:
+                return _listen(rig, profile, ids, port, probe.listen_s)
+            return (
+                _prepare(rig, profiles, port) if probe.prepares else _ask(rig, profiles, ids, port)
+            )
+    except RigInUse as error:
+        return [Finding("fault", "drives", f"not asked: {error}", "stop the daemon first")]
+    except HilError as error:
+        return [Finding("fault", "drives", str(error), "see the findings about the bus")]
+
+
+def _listen(
+    rig: RigFile, profile: LustProfile, ids: list[FrameIds], port: BusPort, listen_s: float
+) -> list[Finding]:
+    seen = {frame.can_id for frame in _heard(port, listen_s)}
+    found = _strides(rig, profile, seen)
+    for name, drive in zip(rig.actuator_names, ids, strict=True):
+        if drive.log_on in seen:
+            found.append(Finding("ok", "drives", f"{name} logs on and waits for its master"))
+        elif drive.status in seen or drive.answer in seen:
+            found.append(Finding("ok", "drives", f"{name} is in operation under a master"))
+        elif not found or found[0].level != "fault":
+            found.append(
+                Finding(
+                    "warn",
+                    "drives",
+                    f"{name} says nothing",
+                    "is it powered, on this bus and set to its address? A drive that had a master keeps "
+                    "quiet until it is asked: try --ask",
+                )
+            )
+    if rig.imu is not None:
+        found.append(_imu(rig, seen))
+    return found
+
+
+def _strides(rig: RigFile, profile: LustProfile, seen: set[int]) -> list[Finding]:
+    """Drives that log on at identifiers of the other stride, or of no actuator."""
+    base, stride = profile.ids.log_on, profile.ids.stride
+    addresses = [rig.address(i) for i in range(len(rig.actuators))]
+    ours = {base + stride * a for a in addresses}
+    other = {base + (3 - stride) * a for a in addresses} - ours
+    strangers = {i for i in seen if base <= i < base + GROUP} - ours
+    found = []
+    if strangers & other:
+        shown = ", ".join(f"{i:#x}" for i in sorted(strangers & other))
+        text = (
+            f"drives log on as {shown}: that is stride {3 - stride}, the drive file says {stride}"
+        )
+        remedy = f"set ids.stride = {3 - stride} in the drive file, or correct the addresses"
+        found.append(Finding("fault", "drives", text, remedy))
+    for i in sorted(strangers - other):
+        text = f"a drive logs on as {i:#x}, address {(i - base) // stride}, which no actuator has"
+        found.append(Finding("warn", "drives", text, "correct actuators.drive.address"))
+    return found
+
+
+def _imu(rig: RigFile, seen: set[int]) -> Finding:
+    base = rig.can.imu_base_id
+    if {base, base + 1} <= seen:
+        return Finding("ok", "imu", "the IMU speaks")
+    remedy = f"is it powered, and does it send {base:#x} and {base + 1:#x} (can.imu_base_id)?"
+    return Finding("warn", "imu", "the IMU says nothing, or only half of it", remedy)
+
+
+def _ask(
+    rig: RigFile, profiles: Mapping[str, LustProfile], ids: list[FrameIds], port: BusPort
+) -> list[Finding]:
+    """Read each drive's position once, through the gate as everything that leaves."""
+    drives = build_drivers(rig, profiles)
+    gate = Gate(gate_limits(rig, drives[0].setpoint_kind), drives.meaning)
+    profile = profiles[rig.actuators[0].drive.profile]
+    number = profile.parameters.measurements.position.number
+    found = []
+    for name, drive in zip(rig.actuator_names, ids, strict=True):
+        request = encode_request(drive.request, Request(number, Mode.READ))
+        verdict = gate.pass_frame(time.monotonic(), request)
+        if not verdict.ok:
+            found.append(Finding("fault", "drives", f"{name}: {verdict.text}"))
+            continue
+        port.send(request)
+        if any(frame.can_id == drive.answer for frame in _heard(port, ANSWER_S, drive.answer)):
+            found.append(Finding("ok", "drives", f"{name} answers"))
+        else:
+            text = f"{name} does not answer within {ANSWER_S:g} s"
+            remedy = "is it powered, on this bus, at this bit rate, and set to its address?"
+            found.append(Finding("fault", "drives", text, remedy))
+    return found
+
+
+def _prepare(rig: RigFile, profiles: Mapping[str, LustProfile], port: BusPort) -> list[Finding]:
+    """From log-on to ready, as the daemon does it: watchdogs written and read back, power off throughout."""
+    drives = build_drivers(rig, profiles)
+    core = RigCore(rig, drives, time.monotonic() + rig.bus.cycle)
+    end_s = time.monotonic() + PREPARE_S
+    while time.monotonic() < end_s and not all(d.status.phase in SETTLED for d in drives):
+        select.select([port], [], [], max(0.0, core.next_due_s - time.monotonic()))
+        for t_s, frame in port.receive():
+            core.on_frame(t_s, frame)
+        now_s = time.monotonic()
+        if now_s >= core.next_due_s:
+            for frame in core.on_due(now_s):
+                try:
+                    port.send(frame)
+                except BusBusy as error:
+                    core.on_refused(now_s, frame, error)
+            core.take_records()
+    found = []
+    for driver in drives:
+        status = driver.status
+        if status.phase is DrivePhase.READY:
+            text = f"{driver.name} is ready: its watchdog is written and read back"
+            found.append(Finding("ok", "drives", text))
+        else:
+            why = status.error or status.waiting_for or f"it is {status.phase.value}"
+            remedy = "mend that, then check again; `hil sniff` shows what is said on the bus"
+            found.append(
+                Finding("fault", "drives", f"{driver.name} cannot be armed: {why}", remedy)
+            )
+    return found
+
+
+def _heard(port: BusPort, for_s: float, until_id: int | None = None) -> list[Frame]:
+    """What `port` hears within `for_s`, or until a frame with `until_id` came."""
+    end_s = time.monotonic() + for_s
+    frames: list[Frame] = []
+    while (left_s := end_s - time.monotonic()) > 0.0:
+        select.select([port], [], [], left_s)
+        frames += [stamped.frame for stamped in port.receive()]
+        if until_id is not None and any(frame.can_id == until_id for frame in frames):
+            break
+    return frames
