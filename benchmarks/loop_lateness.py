@@ -1,24 +1,55 @@
-"""How late a bare asyncio loop wakes for a timerfd on this machine: the floor under the rig's loop.
+"""How late the control process begins its cycles on this machine, beside a bare loop woken the same way.
 
-python benchmarks/loop_lateness.py --duration 10
+The daemon runs as users run it: simulated rig behind a CAN hub, control process, gateway with recording, a
+client that streams cues, each a process of its own; lateness is what the recorded states say, armed and
+riding. Once at the 10 ms that the LUST drives allow, once at 1 ms with drives imagined to answer within
+0.25 ms on a bus of 1 Mbit/s. The bare loops (asyncio, timerfd, no work) run at the same time as the daemon,
+so that they suffer the same load, and once more alone.
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import gc
 import math
+import multiprocessing
 import os
+import signal
+import tempfile
 import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from benchmarks.figure import Options, Table
+from benchmarks.rigs import profiles, variant
+from hil.bus.hub import Hub
+from hil.bus.port import open_port
 from hil.bus.timerfd import Timer
+from hil.cli.demo import free_port
+from hil.client import RigClient
+from hil.config import RigFile
+from hil.configfile import rig_toml
+from hil.control.demo_ride import DemoRide
+from hil.daemon.gateway import GatewayOptions
+from hil.daemon.realtime import PRIORITY, request_fifo
+from hil.daemon.run import run_rig
+from hil.drives.profile import LustProfile
+from hil.errors import RigNotReached
+from hil.runs import load_run
+from hil.sim.rig import SimulatedRig
+from hil.sim.serve import serve_until_signalled
 
 EDGES_US = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 """Upper edges of the histogram's classes, µs; the last class is open."""
+PATIENCE_S = 90.0
+Array = NDArray[np.float64]
+Profiles = dict[str, LustProfile]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,11 +57,14 @@ class Lateness:
     """Lateness of every wake of one loop, µs, and the periods it missed altogether."""
 
     period_s: float
-    late_us: np.ndarray
+    late_us: Array
     overruns: int
 
 
-async def measure(period_s: float, duration_s: float) -> Lateness:
+# the bare loop
+
+
+async def bare_loop(period_s: float, duration_s: float) -> Lateness:
     """Wake every `period_s` for `duration_s`; lateness is from the due instant to the callback."""
     loop = asyncio.get_running_loop()
     cycles = max(1, round(duration_s / period_s))
@@ -59,52 +93,206 @@ async def measure(period_s: float, duration_s: float) -> Lateness:
     return Lateness(period_s, late_us[:woken], due - woken)
 
 
-def table(results: list[Lateness]) -> str:
-    """The figures and a histogram of each loop, as text."""
-    lines = [
-        f"{'period':>8} {'wakes':>7} {'p50':>8} {'p99':>8} {'max':>8} {'overruns':>9}   (late, µs)"
-    ]
-    for result in results:
-        p50, p99 = np.percentile(result.late_us, (50, 99))
-        lines.append(
-            f"{result.period_s * 1e3:>5g} ms {result.late_us.size:>7} {p50:>8.1f} {p99:>8.1f} "
-            f"{result.late_us.max():>8.1f} {result.overruns:>9}"
-        )
-    lines.append("")
-    lines.append(f"{'late':>12} " + " ".join(f"{r.period_s * 1e3:>6g} ms" for r in results))
-    bounds = (-math.inf, *EDGES_US, math.inf)
-    shares = [np.histogram(r.late_us, bounds)[0] / r.late_us.size for r in results]
-    for n, upper in enumerate(bounds[1:]):
-        label = f"< {upper:g} µs" if upper < math.inf else f">= {EDGES_US[-1]} µs"
-        lines.append(f"{label:>12} " + " ".join(f"{share[n]:>9.3%}" for share in shares))
-    return "\n".join(lines)
-
-
-def main() -> None:
-    """Measure a 10 ms and a 1 ms loop, or those asked for, one after the other."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument(
-        "--duration", type=float, default=10.0, help="s for each loop (%(default)s)"
-    )
-    parser.add_argument(
-        "--period", type=float, action="append", help="ms; may be given again (10 and 1)"
-    )
-    options = parser.parse_args()
-    periods_ms = options.period or [10.0, 1.0]
-    if options.duration <= 0 or min(periods_ms) <= 0:
-        parser.error("durations and periods must be positive")
+def measure_bare(period_s: float, duration_s: float) -> Lateness:
+    """The bare loop with the garbage collector at rest, as in the control process."""
     gc.collect()
     gc.freeze()
-    results = [asyncio.run(measure(period / 1e3, options.duration)) for period in periods_ms]
-    policy = {os.SCHED_OTHER: "other", os.SCHED_FIFO: "fifo", os.SCHED_RR: "rr"}
-    print(
-        f"{os.cpu_count()} CPUs, load {os.getloadavg()[0]:.1f}, "
-        f"scheduling {policy.get(os.sched_getscheduler(0), 'unknown')}\n"
+    gc.disable()
+    try:
+        return asyncio.run(bare_loop(period_s, duration_s))
+    finally:
+        gc.enable()
+        gc.unfreeze()
+
+
+# the daemon
+
+
+def axis_10ms() -> tuple[RigFile, Profiles]:
+    """The one-axis bench as it ships."""
+    return variant("axis"), profiles()
+
+
+def motorcycle_10ms() -> tuple[RigFile, Profiles]:
+    """The motorcycle platform as it ships."""
+    return variant("motorcycle"), profiles()
+
+
+def axis_1ms() -> tuple[RigFile, Profiles]:
+    """The bench with drives that answer 40 times faster than LUST drives, no IMU, 1 Mbit/s."""
+    rig = variant(
+        "axis",
+        bus={
+            "cycle": 0.001,
+            "stagger": 0.0,
+            "jitter": 0.0,
+            "setpoint_delay": 0.0001,
+            "answer_delay": 0.0001,
+            "answer_jitter": 0.0,
+            "position_loop": 0.00025,
+        },
+        can={"bitrate": 1_000_000},
     )
-    print(table(results))
+    return rig.model_copy(update={"imu": None}), profiles(timing={"answer_wait": 0.0009})
 
 
-if __name__ == "__main__":
-    main()
+def _be_rig(rig: RigFile, files: Profiles) -> None:
+    asyncio.run(_serve(rig, SimulatedRig(rig, files)))
+
+
+async def _serve(rig: RigFile, simulated: SimulatedRig) -> None:
+    async with Hub(Path(rig.can.url.removeprefix("hub:")), rig.can.bitrate):
+        port = open_port(f"{rig.can.url}?node=rig", bitrate_bps=rig.can.bitrate)
+        try:
+            request_fifo(PRIORITY - 10)
+            await serve_until_signalled(simulated, port)
+        finally:
+            port.close()
+
+
+def _be_daemon(rig: RigFile, files: Profiles) -> None:
+    run_rig(rig, rig_toml(rig), files, GatewayOptions(is_recording=True))
+
+
+@contextmanager
+def running(rig: RigFile, files: Profiles, folder: Path) -> Iterator[RigClient]:
+    """Simulated rig and daemon as processes of their own; a client of them."""
+    bus, endpoint = folder / "bus.sock", f"tcp/127.0.0.1:{free_port()}"
+    tables = {
+        "can": rig.can.model_copy(update={"url": f"hub:{bus}"}),
+        "zenoh": rig.zenoh.model_copy(update={"listen": (endpoint,)}),
+        "recording": rig.recording.model_copy(update={"folder": str(folder / "runs")}),
+    }
+    placed = rig.model_copy(update=tables)
+    with ExitStack() as stack:
+        _start(stack, _be_rig, placed, files)
+        _wait(bus.exists, "the hub")
+        _start(stack, _be_daemon, placed, files)
+        yield stack.enter_context(_connected(rig.name, endpoint))
+
+
+def _start(stack: ExitStack, target: Callable[..., None], *arguments: object) -> None:
+    process = multiprocessing.get_context("spawn").Process(target=target, args=arguments)
+    process.start()
+    stack.callback(_end, process)
+
+
+def _end(process: SpawnProcess) -> None:
+    """Ctrl-C, as a user does; the daemon parks first."""
+    if process.is_alive() and process.pid is not None:
+        os.kill(process.pid, signal.SIGINT)
+    process.join(PATIENCE_S)
+    if process.is_alive():
+        process.kill()
+        process.join()
+
+
+def _connected(name: str, endpoint: str) -> RigClient:
+    deadline_s = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return RigClient(name, endpoint, name="benchmark").open()
+        except RigNotReached:
+            if time.monotonic() > deadline_s:
+                raise
+            time.sleep(0.2)
+
+
+def _wait(is_so: Callable[[], bool], what: str) -> None:
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not is_so():
+        if time.monotonic() > deadline_s:
+            raise TimeoutError(f"{what} did not come up within {PATIENCE_S:g} s")
+        time.sleep(0.05)
+
+
+def _is_parked(client: RigClient) -> bool:
+    state = client.state()
+    return state is not None and state.state == "parked"
+
+
+def measure_daemon(rig: RigFile, files: Profiles, ride_s: float) -> tuple[Lateness, Lateness]:
+    """Lateness of the control process while it rides for `ride_s`, and of a bare loop meanwhile."""
+    with tempfile.TemporaryDirectory(prefix="hil-late-") as scratch:
+        folder = Path(scratch)
+        with running(rig, files, folder) as client:
+            _wait(lambda: _is_parked(client), "a parked rig")
+            time.sleep(0.5)
+            reply = client.command("arm")
+            if not reply.ok:
+                raise RuntimeError(f"arm was refused: {reply.message}")
+            bare = _ride_beside_bare_loop(client, rig, ride_s)
+        (run_folder,) = (folder / "runs").iterdir()
+        states = load_run(run_folder).states
+    armed = states[states["state"] == "engaged"]
+    if len(armed) < 0.5 * ride_s / rig.bus.cycle:
+        seen = states["state"].value_counts().to_dict()
+        fault = next((text for text in states["fault"] if text), "")
+        raise RuntimeError(f"{rig.name} hardly rode: cycles by state {seen} {fault}")
+    late_us = 1e6 * armed["lateness_s"].to_numpy()
+    overruns = int(armed["overruns"].iloc[-1] - armed["overruns"].iloc[0])
+    return Lateness(rig.bus.cycle, late_us, overruns), bare
+
+
+def _ride_beside_bare_loop(client: RigClient, rig: RigFile, ride_s: float) -> Lateness:
+    spawn = multiprocessing.get_context("spawn")
+    ours, theirs = spawn.Pipe()
+    process = spawn.Process(target=_be_bare, args=(theirs, rig.bus.cycle, ride_s))
+    process.start()
+    ride, start_s = DemoRide(rig), time.monotonic()
+    while not ours.poll():
+        poses = [ride.pose(time.monotonic() - start_s + ahead) for ahead in (0.0, 0.02, 0.04, 0.08)]
+        named = [dict(zip(rig.coordinates, pose, strict=True)) for pose in poses]
+        client.cues([{"dt": dt, **n} for dt, n in zip((0.0, 0.02, 0.04, 0.08), named, strict=True)])
+        time.sleep(0.02)
+    result: Lateness = ours.recv()
+    process.join()
+    return result
+
+
+def _be_bare(pipe: object, period_s: float, duration_s: float) -> None:
+    request_fifo()
+    pipe.send(measure_bare(period_s, duration_s))  # type: ignore[attr-defined]
+
+
+# all of it
+
+
+def measure(options: Options = Options()) -> list[Table]:  # noqa: B008 - a frozen value
+    """Figures and histograms of every loop."""
+    duration_s = 3.0 if options.quick else 30.0
+    found = {
+        "bare loop, 10 ms, alone": measure_bare(0.01, duration_s),
+        "bare loop, 1 ms, alone": measure_bare(0.001, duration_s),
+    }
+    setups = {"axis, 10 ms": axis_10ms}
+    if not options.quick:
+        setups |= {"motorcycle, 10 ms": motorcycle_10ms, "axis, 1 ms": axis_1ms}
+    for name, setup in setups.items():
+        daemon, bare = measure_daemon(*setup(), duration_s)
+        found |= {f"daemon, {name}": daemon, f"bare loop beside daemon, {name}": bare}
+    policy = {os.SCHED_OTHER: "other", os.SCHED_FIFO: "fifo", os.SCHED_RR: "rr"}
+    right = request_fifo()
+    scheduling = policy.get(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, "unknown")
+    note = (
+        f"{os.cpu_count()} CPUs, load {os.getloadavg()[0]:.1f}, scheduling {scheduling}"
+        f"{'' if right.is_granted else ' (no real-time rights)'}"
+    )
+    rows = {
+        name: (r.late_us.size, *np.percentile(r.late_us, (50, 99)).tolist(), *_worst(r))
+        for name, r in found.items()
+    }
+    late = Table(
+        "lateness, µs", ("wakes", "p50", "p99", "p99.9", "max", "periods missed"), rows, note
+    )
+    bounds = (-math.inf, *EDGES_US, math.inf)
+    shares = {
+        name: tuple((100.0 * np.histogram(r.late_us, bounds)[0] / r.late_us.size).tolist())
+        for name, r in found.items()
+    }
+    edges = (*(f"< {edge}" for edge in EDGES_US), f">= {EDGES_US[-1]}")
+    return [late, Table("share of wakes so late, µs, in %", edges, shares)]
+
+
+def _worst(r: Lateness) -> tuple[float, float, int]:
+    return float(np.percentile(r.late_us, 99.9)), float(r.late_us.max()), r.overruns

@@ -3,32 +3,22 @@
 Pinocchio knows the platform as one free body; leg lengths and forces follow from its results with numpy,
 as one would write it. Both answers are compared before anything is timed. Best of several rounds that
 take turns, so that a busy machine harms both alike.
-
-    python benchmarks/rigs_vs_pinocchio.py [--states 500] [--rounds 7]
 """
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pinocchio
-from numba import njit
 
+from benchmarks.bare import compiled_dynamics, packed_model
+from benchmarks.figure import Options, Table
 from hil.config.actuator import LegMass
 from hil.configfile import load_rig
-from hil.rigs import Manipulator, build_rig, solutions
-from hil.rigs.pack import (
-    kind_code,
-    pack_body,
-    pack_geometry,
-    pack_gravity,
-    pack_legs,
-    pack_reflected,
-)
+from hil.rigs import Manipulator, build_rig
 
 State = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -79,18 +69,6 @@ def pinocchio_state(rig: Manipulator, state: State) -> State:
     )
 
 
-@njit
-def compiled_loop(kind, geometry, body, legs, gravity, reflected, q, qd, qdd):  # type: ignore[no-untyped-def]
-    """Inverse dynamics of all states without leaving compiled code, as plant and twin run it."""
-    total = 0.0
-    for i in range(q.shape[0]):
-        force, _ = solutions.inverse_dynamics(
-            kind, geometry, body, legs, gravity, reflected, q[i], qd[i], qdd[i]
-        )
-        total += force[0]
-    return total
-
-
 def best_of(rounds: int, tasks: dict[str, Callable[[], object]], calls: int) -> dict[str, float]:
     """Least cost per call of each task, µs."""
     best = dict.fromkeys(tasks, np.inf)
@@ -102,28 +80,20 @@ def best_of(rounds: int, tasks: dict[str, Callable[[], object]], calls: int) -> 
     return best
 
 
-def main() -> None:
-    """Compare, time, print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--states", type=int, default=500)
-    parser.add_argument("--rounds", type=int, default=7)
-    options = parser.parse_args()
-
+def measure(options: Options = Options()) -> list[Table]:  # noqa: B008 - a frozen value
+    """Compare answers, then time both. RuntimeError where the two disagree."""
+    count, rounds = (200, 3) if options.quick else (500, 7)
     file = load_rig("stewart")
 
     def variant(leg: LegMass) -> Any:
         legs = [a.model_copy(update={"reflected_mass": 0.0, "leg": leg}) for a in file.actuators]
         return file.model_copy(update={"actuators": tuple(legs)})
 
-    def arrays(rig: Any) -> tuple[Any, ...]:
-        return (kind_code(rig), pack_geometry(rig), pack_body(rig), pack_legs(rig),
-                pack_gravity(rig), pack_reflected(rig))  # fmt: skip
-
     light = variant(LegMass())
     heavy = variant(LegMass(lower_mass=5.0, lower_cog=0.35, upper_mass=5.0, upper_cog=0.3))
     rig, oracle = build_rig(light), ThroughPinocchio(light)
     rng = np.random.default_rng(0)
-    shape = (options.states, 6)
+    shape = (count, 6)
     q, qd, qdd = (
         rng.uniform(-1, 1, shape) * rig.limits,
         rng.normal(size=shape),
@@ -139,15 +109,15 @@ def main() -> None:
         float(np.max(np.abs(rig.inverse(s[0]) - oracle.inverse(*t))))
         for s, t in zip(states, theirs, strict=True)
     )
-    print(f"largest difference: {worst:.1e} N, {worst_length:.1e} m over {len(states)} states")
+    note = f"largest difference {worst:.1e} N, {worst_length:.1e} m over {count} states"
     if worst > 1e-6 or worst_length > 1e-12:
-        raise SystemExit("the two disagree: nothing timed")
+        raise RuntimeError(f"the two disagree, nothing timed: {note}")
     lengths = [rig.inverse(s[0]) for s in states]
-    packed = {name: arrays(f) for name, f in (("light", light), ("heavy", heavy))}
+    packed = {name: packed_model(f) for name, f in (("light", light), ("heavy", heavy))}
     for model in packed.values():
-        compiled_loop(*model, q, qd, qdd)
+        compiled_dynamics(*model, q, qd, qdd)
     cost = best_of(
-        options.rounds,
+        rounds,
         {
             "leg lengths, hil": lambda: [rig.inverse(s[0]) for s in states],
             "leg lengths, pinocchio": lambda: [oracle.inverse(*t) for t in theirs],
@@ -155,18 +125,23 @@ def main() -> None:
             "leg forces, pinocchio": lambda: [oracle.leg_forces(*t) for t in theirs],
             "wrench only, pinocchio rnea": lambda: [oracle.wrench(*t) for t in theirs],
             "pose from lengths, hil": lambda: [rig.forward(length) for length in lengths],
-            "leg forces, hil compiled": lambda: compiled_loop(*packed["light"], q, qd, qdd),
-            "leg forces, leg masses too, hil compiled": lambda: compiled_loop(
+            "leg forces, hil compiled": lambda: compiled_dynamics(*packed["light"], q, qd, qdd),
+            "leg forces, leg masses too, hil compiled": lambda: compiled_dynamics(
                 *packed["heavy"], q, qd, qdd
             ),
         },
-        len(states),
+        count,
     )
-    for name, value in cost.items():
-        print(f"{name:42s} {value:8.2f} µs")
-    for what in ("leg lengths", "leg forces"):
-        print(f"{what}: hil / pinocchio = {cost[what + ', hil'] / cost[what + ', pinocchio']:.2f}")
-
-
-if __name__ == "__main__":
-    main()
+    ratios = {
+        what: (cost[f"{what}, pinocchio"] / cost[f"{what}, hil"],)
+        for what in ("leg lengths", "leg forces")
+    }
+    return [
+        Table(
+            "Stewart platform, one call, µs",
+            ("µs",),
+            {name: (us,) for name, us in cost.items()},
+            note,
+        ),
+        Table("so many times Pinocchio's speed", ("ratio",), ratios),
+    ]

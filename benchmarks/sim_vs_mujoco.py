@@ -1,22 +1,20 @@
-"""Simulated seconds a wall second, one core: the plant with its drives' loops beside MuJoCo's bare steps.
+"""Simulated seconds a second of one core: the plant with its drives' loops beside MuJoCo's bare steps.
 
 Both step the same mechanism at the drives' 0.25 ms and are given setpoints of the same motion every 10 ms.
 MuJoCo closes the loops with soft `connect` constraints and runs plain position servos; the plant closes
 them exactly and runs cascades, current loops and the IMU's filter as well. Static actuator forces of both
 are compared first. Best of several rounds that take turns, so that a busy machine harms both alike.
-
-    python benchmarks/sim_vs_mujoco.py [--seconds 5] [--rounds 5]
 """
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
+from benchmarks.figure import Options, Table
 from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.rigs import build_rig
@@ -66,7 +64,8 @@ def mechanism(rig: RigFile) -> str:
         span = origin + cabin[i] - base[i]
         grain = f'mass="{LEG_KG}" diaginertia="1e-4 1e-4 1e-4"'
         closures.append(
-            f'<connect body1="upper{i}" body2="cabin" anchor="0 0 0" solref="0.002 1" solimp="0.9999 0.9999 0.001"/>'
+            f'<connect body1="upper{i}" body2="cabin" anchor="0 0 0" solref="0.002 1" '
+            'solimp="0.9999 0.9999 0.001"/>'
         )
         if planar and i == 2:
             bodies.append(
@@ -106,25 +105,25 @@ def motion(rig: RigFile, seconds: float) -> np.ndarray:
 
 
 def through_plant(rig: RigFile, rho: np.ndarray) -> Callable[[], float]:
-    """Runs the motion in the plant; returns wall seconds."""
+    """Runs the motion in the plant; returns seconds of processor time."""
     plant = Plant(rig)
     plant.reset(mode="position")
     plant.advance(CYCLE_S)
 
     def run() -> float:
         plant.reset(mode="position")
-        start = time.perf_counter()
+        start = time.thread_time()
         for k, row in enumerate(rho.tolist()):
             for i, value in enumerate(row):
                 plant.set_setpoint(i, value, k * CYCLE_S)
             plant.advance((k + 1) * CYCLE_S)
-        return time.perf_counter() - start
+        return time.thread_time() - start
 
     return run
 
 
 def through_mujoco(rig: RigFile, rho: np.ndarray) -> tuple[Callable[[], float], np.ndarray]:
-    """Runs the motion in MuJoCo; returns wall seconds. Also its static actuator forces at the start."""
+    """Runs the motion in MuJoCo; returns seconds of processor time. Also its static actuator forces at the start."""
     model = mujoco.MjModel.from_xml_string(mechanism(rig))
     data = mujoco.MjData(model)
     steps = round(CYCLE_S / rig.bus.speed_loop)
@@ -135,37 +134,32 @@ def through_mujoco(rig: RigFile, rho: np.ndarray) -> tuple[Callable[[], float], 
 
     def run() -> float:
         mujoco.mj_resetData(model, data)
-        start = time.perf_counter()
+        start = time.thread_time()
         for row in rho:
             data.ctrl[:] = row - rho[0]
             mujoco.mj_step(model, data, steps)
-        return time.perf_counter() - start
+        return time.thread_time() - start
 
     return run, held
 
 
-def main() -> None:
-    """Compare and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=5.0, help="simulated time of a round")
-    parser.add_argument("--rounds", type=int, default=5)
-    options = parser.parse_args()
-    print(f"{'rig':<12}{'plant and drives':>18}{'MuJoCo':>12}{'ratio':>8}   (simulated s / wall s)")
+def measure(options: Options = Options()) -> list[Table]:  # noqa: B008 - a frozen value
+    """Speed of both for three rigs. RuntimeError where static forces differ: other mechanisms then."""
+    seconds, rounds = (1.0, 3) if options.quick else (5.0, 5)
+    rows = {}
     for name in ("axis", "motorcycle", "stewart"):
         rig = load_rig(name)
-        rho = motion(rig, options.seconds)
+        rho = motion(rig, seconds)
         ours = through_plant(rig, rho)
         theirs, held = through_mujoco(rig, rho)
         zero = np.zeros(len(rig.actuators))
         static = build_rig(rig).inverse_dynamics(zero, zero, zero)
         if not np.allclose(held, static, atol=2.0):
-            raise SystemExit(f"{name}: static forces differ: MuJoCo {held}, hil {static}")
+            raise RuntimeError(f"{name}: static forces differ: MuJoCo {held}, hil {static}")
         best = [np.inf, np.inf]
-        for _ in range(options.rounds):
+        for _ in range(rounds):
             best = [min(best[0], ours()), min(best[1], theirs())]
-        speed = [options.seconds / b for b in best]
-        print(f"{name:<12}{speed[0]:>18.0f}{speed[1]:>12.0f}{speed[0] / speed[1]:>8.1f}")
-
-
-if __name__ == "__main__":
-    main()
+        speed = [seconds / b for b in best]
+        rows[name] = (speed[0], speed[1], speed[0] / speed[1])
+    columns = ("plant and drives", "MuJoCo", "ratio")
+    return [Table("simulated seconds a second of one core", columns, rows)]
