@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import pi, sqrt
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -77,7 +77,7 @@ class Imu(Settings):
     @property
     def group_delay_s(self) -> float:
         """Of its filter, second-order Butterworth, at low frequency: 2 ζ / ω = √2 / (2 π f)."""
-        return 2.0**0.5 / (2.0 * pi * self.bandwidth)
+        return sqrt(2.0) / (2.0 * pi * self.bandwidth)
 
 
 class Noise(Settings):
