@@ -16,6 +16,9 @@ from tests.shared_data import shared
 run = CliRunner().invoke
 
 
+FROM_LOG = ["cue", "from-log", "--map", "roll=lean:deg, t=time:s"]
+
+
 def written(tmp_path, lean_deg=20.0, seconds=6.0):
     t = np.arange(0.0, seconds, 0.01)
     lean = lean_deg * np.sin(2.0 * np.pi * 0.5 * t) * np.hanning(t.size)
@@ -29,8 +32,7 @@ def test_what_is_too_much_is_scaled_and_said(tmp_path):
     out = tmp_path / "cue.csv"
     result = run(
         app,
-        ["cue", "from-log", str(written(tmp_path)), "--map", "roll=lean:deg, t=time:s"]
-        + ["--out", str(out), "--json"],
+        [*FROM_LOG, str(written(tmp_path)), "--out", str(out), "--json"],
     )
     assert result.exit_code == 0, result.output
     said = json.loads(result.output)

@@ -1,4 +1,4 @@
-"""The twin answers what rig and daemon recorded, at the very instants, and knows the effects it is told of."""
+"""The twin answers what rig and daemon recorded, at the very instants, with the effects it is told of."""
 
 from __future__ import annotations
 

@@ -30,7 +30,9 @@ class MotorcycleGeometry(Settings):
     )
     L: Positive = Field(description="distance of the rear slide's line behind the base origin, m")
     h: Positive = Field(description="height of the rear slide's line above the base origin, m")
-    l: Positive = Field(description="HALF the distance between the front joints P1 and P2, m")
+    l: Positive = Field(  # noqa: E741 - the field's own name
+        description="HALF the distance between the front joints P1 and P2, m"
+    )
     l3: Positive = Field(description="rear joint P3 behind the platform origin, m")
     h3: float = Field(
         0.0, description="rear joint P3 below the platform origin, m", ge=-2.0, le=2.0

@@ -164,6 +164,6 @@ class RigFile(Settings):
         rotary = [c in ROTATIONS for c in self.coordinates]
         return (
             self.cue.velocity or tuple(0.35 if r else 0.3 for r in rotary),
-            self.cue.acceleration or tuple(4.0 if r else 4.0 for r in rotary),
-            self.cue.jerk or tuple(80.0 if r else 80.0 for r in rotary),
+            self.cue.acceleration or (4.0,) * len(rotary),
+            self.cue.jerk or (80.0,) * len(rotary),
         )
