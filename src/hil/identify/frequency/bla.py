@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from hil.errors import IdentificationError
 from hil.identify.frequency.channels import Channel
-from hil.identify.frequency.periodic import Spectra, Window, check_seen, respond
+from hil.identify.frequency.periodic import Spectra, check_seen, respond
 from hil.identify.frequency.response import FrequencyResponse, ratio_variance
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 ALIKE: Final = 0.99
-"""References that a shift in time brings to this correlation are one realisation, repeated."""
+"""References whose phases a shift in time brings to this mean cosine are one realisation, repeated."""
 SHIFTS_PER_LINE: Final = 16
 SEEN: Final = 3.0
 
@@ -87,7 +87,7 @@ def merge_repeats(records: Sequence[Spectra], names: Sequence[str]) -> list[Spec
     for s, name in zip(records, names, strict=True):
         _check_class(records[0], s, names[0], name)
         for k, other in enumerate(merged):
-            turn = _shift(other.reference.mean(axis=0), s.reference.mean(axis=0))
+            turn = _shift(other.reference.mean(axis=0), s.reference.mean(axis=0), s.excited)
             if turn is not None:
                 merged[k] = _stack(other, s, turn)
                 break
@@ -115,28 +115,25 @@ def _check_class(first: Spectra, s: Spectra, first_name: str, name: str) -> None
         )
 
 
-def _shift(a: ComplexArray, b: ComplexArray) -> float | None:
-    """Angle θ with b_k exp(ikθ) = a_k, rad a line; None where no shift in time makes b a."""
-    product = a * b.conj()
-    product[0] = 0.0
+def _shift(a: ComplexArray, b: ComplexArray, lines: NDArray[np.int64]) -> float | None:
+    """Angle θ with b_k exp(ikθ) = a_k, rad a line; None where no shift in time makes b a.
+
+    Each line has one vote: phases make a realisation, and the strongest line alone would always agree.
+    """
+    votes = np.zeros(len(a), dtype=complex)
+    votes[lines] = np.exp(1j * np.angle(a[lines] * b[lines].conj()))
     size = SHIFTS_PER_LINE * len(a)
-    correlation = np.fft.fft(product, size)
-    k = int(np.argmax(correlation.real))
-    power = np.sqrt(np.sum(np.abs(a[1:]) ** 2) * np.sum(np.abs(b[1:]) ** 2))
-    theta = 2.0 * np.pi * k / size
-    lines = np.arange(len(a))
+    theta = 2.0 * np.pi * int(np.argmax(np.fft.fft(votes, size).real)) / size
     for _ in range(3):  # phases left over after the coarse shift say the rest, by least squares
-        left = product * np.exp(-1j * lines * theta)
-        weight = np.abs(left)
-        theta += float(np.sum(weight * lines * np.angle(left)) / np.sum(weight * lines**2))
-    if np.sum((product * np.exp(-1j * lines * theta)).real) < ALIKE * power:
-        return None
-    return theta
+        left = np.angle(votes[lines] * np.exp(-1j * lines * theta))
+        theta += float(np.sum(lines * left) / np.sum(lines * lines))
+    agreement = np.mean((votes[lines] * np.exp(-1j * lines * theta)).real)
+    return theta if agreement >= ALIKE else None
 
 
 def _stack(a: Spectra, b: Spectra, turn: float) -> Spectra:
     rotor = np.exp(1j * np.arange(a.reference.shape[1]) * turn)
-    window = Window(a.window.start_s, a.window.period_s, a.window.periods + b.window.periods)
+    window = replace(a.window, periods=a.window.periods + b.window.periods)
     return replace(
         a,
         window=window,
@@ -251,6 +248,8 @@ def _left_out(
     inside = np.arange(first.excited[0], first.excited[-1] + 1)
     parity = 0 if kind == "even" else 1
     lines = np.setdiff1d(inside[inside % 2 == parity], first.excited)
+    if first.window.detection is not None:
+        lines = np.intersect1d(lines, first.window.detection)
     if len(lines) < 2:
         return None
     hz = first.hz[lines]

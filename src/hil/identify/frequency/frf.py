@@ -22,8 +22,9 @@ from hil.identify.frequency.channels import Channel, Posed, Sampled, channel, sh
 from hil.identify.frequency.known import command_response, drives_response
 from hil.identify.frequency.local_polynomial import local_response
 from hil.identify.frequency.parametric import SecondOrderFit, fit_second_order
-from hil.identify.frequency.periodic import Window, find_window, line_count, spectra
+from hil.identify.frequency.periodic import line_count, spectra
 from hil.identify.frequency.response import FrequencyResponse
+from hil.identify.frequency.windows import Window, measuring_windows
 from hil.runs import Run
 
 Array = NDArray[np.float64]
@@ -96,16 +97,23 @@ def analyse(
         u = r if input_name == r.name else channel(run, rig, input_name)
         records.append(_Record(run.path.name, r, u, channel(run, rig, output_name)))
     windows = [
-        None
+        ()
         if method == "local"
-        else find_window(r.reference, (r.input, r.output), period_s, r.name)
-        for r in records
+        else measuring_windows(run, r.reference, (r.input, r.output), period_s)
+        for run, r in zip(runs, records, strict=True)
     ]
     chain = _is_chain(runs, rig, input_name, output_name)
-    if any(w is None for w in windows):
-        found = _not_periodic(records, windows, method, highest_hz)
+    unlike = next((k for k, w in enumerate(windows) if not w), None)
+    if unlike is None:
+        found = _periodic(records, windows, highest_hz)
+    elif method == "periodic" or len(records) > 1:
+        raise IdentificationError(
+            f"{records[unlike].name}: {records[unlike].reference.name} is not periodic: no part of it "
+            "repeats twice after settling; analyse it alone with the local polynomial method, or play a "
+            "multisine"
+        )
     else:
-        found = _periodic(records, [w for w in windows if w is not None], highest_hz)
+        found = _not_periodic(records[0], highest_hz)
     links: dict[str, FrequencyResponse] = {}
     between: list[Channel] = []
     if chain:
@@ -116,12 +124,11 @@ def analyse(
         last = [
             _Record(r.name, r.reference, s, r.output) for r, s in zip(records, between, strict=True)
         ]
-        whole = [w for w in windows if w is not None]
         for name, part in (("cue to setpoints", first), ("setpoints to pose", last)):
-            if whole:
-                links[name] = _periodic(part, whole, highest_hz).response
+            if unlike is None:
+                links[name] = _periodic(part, windows, highest_hz).response
             else:
-                links[name] = _not_periodic(part, windows, method, highest_hz).response
+                links[name] = _not_periodic(part[0], highest_hz).response
     held = _held_back(links.get("cue to setpoints"))
     wanted = [("whole", found.response, _derivative(found.response))]
     if chain:
@@ -155,16 +162,13 @@ _Wanted = tuple[str, FrequencyResponse, ComplexArray | None]
 
 
 def _periodic(
-    records: Sequence[_Record], windows: Sequence[Window], highest_hz: float | None
+    records: Sequence[_Record], windows: Sequence[Sequence[Window]], highest_hz: float | None
 ) -> _Found:
-    period_s = windows[0].period_s
+    pairs = [(r, w) for r, several in zip(records, windows, strict=True) for w in several]
+    period_s = pairs[0][1].period_s
     count = min(line_count((r.reference, r.input, r.output), period_s, highest_hz) for r in records)
-    names = [r.name for r in records]
-    all_spectra = [
-        spectra(w, r.reference, r.input, r.output, count)
-        for w, r in zip(windows, records, strict=True)
-    ]
-    realisations = merge_repeats(all_spectra, names)
+    all_spectra = [spectra(w, r.reference, r.input, r.output, count) for r, w in pairs]
+    realisations = merge_repeats(all_spectra, [r.name for r, _ in pairs])
     response = best_linear(realisations, records[0].input, records[0].output)
     return _Found(
         response,
@@ -174,20 +178,8 @@ def _periodic(
     )
 
 
-def _not_periodic(
-    records: Sequence[_Record],
-    windows: Sequence[Window | None],
-    method: Choice,
-    highest_hz: float | None,
-) -> _Found:
-    if method == "periodic" or len(records) > 1:
-        k = next((k for k, w in enumerate(windows) if w is None), 0)
-        raise IdentificationError(
-            f"{records[k].name}: {records[k].reference.name} is not periodic: no part of it repeats twice "
-            "after settling; analyse it alone with the local polynomial method, or play a multisine"
-        )
-    r = records[0]
-    response = local_response(r.reference, r.input, r.output, highest_hz)
+def _not_periodic(record: _Record, highest_hz: float | None) -> _Found:
+    response = local_response(record.reference, record.input, record.output, highest_hz)
     note = "not periodic: nonlinear distortion cannot be told from noise"
     return _Found(response, notes=(note,))
 

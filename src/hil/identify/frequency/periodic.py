@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from hil.errors import IdentificationError
 from hil.identify.frequency.channels import Channel
-from hil.identify.frequency.harmonics import find_period, repeating_stretch
 from hil.identify.frequency.response import FrequencyResponse, ratio_variance
+from hil.identify.frequency.windows import Window
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-FEWEST_PERIODS: Final = 2
 RATE_SHARE: Final = 0.4
 """Lines up to this share of the slowest sampling rate are told apart."""
 HIGHEST_HZ: Final = 50.0
@@ -26,21 +25,6 @@ EXCITED: Final = 1.0e-3
 """A line counts as excited where the cue has this share of its strongest line there [R]."""
 VISIBLE: Final = 3.0
 """Amplitude over its standard deviation from which a line is seen."""
-SETTLE_S: Final = 3.0
-"""At least so much at the start belongs to the soft start and to transients."""
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """Whole periods of one run."""
-
-    start_s: float
-    period_s: float
-    periods: int
-
-    def starts(self) -> Array:
-        """Start of each period, s."""
-        return np.asarray(self.start_s + self.period_s * np.arange(self.periods))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,40 +43,6 @@ class Spectra:
     def hz(self) -> Array:
         """(K + 1,) frequencies of the lines."""
         return np.arange(self.reference.shape[1]) / self.window.period_s
-
-
-def find_window(
-    reference: Channel, others: tuple[Channel, ...], period_s: float | None, name: str
-) -> Window | None:
-    """The whole, settled periods that all channels share; None where the reference does not repeat.
-
-    `period_s`: if given, the reference must repeat with it: IdentificationError if it does not, or
-    where fewer than two periods are left.
-    """
-    lo, hi = reference.span_s
-    step = 1.0 / reference.rate_hz
-    t = np.arange(lo, hi, step)
-    x = reference.at(t)
-    period = find_period(t, x) if period_s is None else period_s
-    stretch = None if period is None else repeating_stretch(t, x, period)
-    if period is None or stretch is None:
-        if period_s is not None:
-            raise IdentificationError(
-                f"{name}: {reference.name} does not repeat after {period_s:g} s: say its true period, or "
-                "none for a record that is not periodic"
-            )
-        return None
-    first = max(stretch[0], *(c.span_s[0] for c in others))
-    last = min(stretch[1], *(c.span_s[1] for c in others)) + 1e-6
-    first += period * max(1, math.ceil(SETTLE_S / period))
-    periods = math.floor((last - first) / period)
-    if periods < FEWEST_PERIODS:
-        raise IdentificationError(
-            f"{name}: of {reference.name}, which repeats from {stretch[0]:.2f} to {stretch[1]:.2f} s every "
-            f"{period:g} s, {max(periods, 0)} whole periods are left after settling; noise needs "
-            f"{FEWEST_PERIODS} to be told from response: repeat the experiment with more periods"
-        )
-    return Window(first, period, periods)
 
 
 def line_count(channels: Sequence[Channel], period_s: float, highest_hz: float | None) -> int:
