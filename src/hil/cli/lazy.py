@@ -19,6 +19,8 @@ COMMANDS: dict[str, str] = {
     "runs": "runs:app",
     "replay": "replay:replay",
     "check": "check:check",
+    "latency": "latency:latency",
+    "sniff": "sniff:sniff",
     "service": "service:app",
     "config": "config:app",
     "rig": "workspace:app",

@@ -13,7 +13,14 @@ from hil.daemon.check import Finding, Probe
 from hil.daemon.core import RigCore
 from hil.daemon.lock import RigLock
 from hil.drives import DrivePhase, build_drivers
-from hil.drives.lust_cdd3000.codec import FrameIds, Mode, Request, encode_request, frame_ids
+from hil.drives.lust_cdd3000.codec import (
+    FrameIds,
+    Mode,
+    Request,
+    encode_request,
+    encode_system,
+    frame_ids,
+)
 from hil.drives.profile import GROUP, LustProfile
 from hil.errors import BusBusy, HilError, RigInUse
 from hil.frames import Frame
@@ -144,19 +151,28 @@ def _prepare(rig: RigFile, profiles: Mapping[str, LustProfile], port: BusPort) -
                 except BusBusy as error:
                     core.on_refused(now_s, frame, error)
             core.take_records()
+    statuses = [(d.name, d.status) for d in drives]
+    _release(rig, profiles, port)
     found = []
-    for driver in drives:
-        status = driver.status
+    for name, status in statuses:
         if status.phase is DrivePhase.READY:
-            text = f"{driver.name} is ready: its watchdog is written and read back"
+            text = f"{name} is ready: its watchdog is written and read back"
             found.append(Finding("ok", "drives", text))
         else:
             why = status.error or status.waiting_for or f"it is {status.phase.value}"
             remedy = "mend that, then check again; `hil sniff` shows what is said on the bus"
-            found.append(
-                Finding("fault", "drives", f"{driver.name} cannot be armed: {why}", remedy)
-            )
+            found.append(Finding("fault", "drives", f"{name} cannot be armed: {why}", remedy))
     return found
+
+
+def _release(rig: RigFile, profiles: Mapping[str, LustProfile], port: BusPort) -> None:
+    """System Stop: without it the drives would miss their master and report that their watchdog ran out."""
+    drives = build_drivers(rig, profiles)
+    profile = profiles[rig.actuators[0].drive.profile]
+    stop = encode_system(profile.ids, profile.system.stop)
+    gate = Gate(gate_limits(rig, drives[0].setpoint_kind), drives.meaning)
+    if gate.pass_frame(time.monotonic(), stop).ok:
+        port.send(stop)
 
 
 def _heard(port: BusPort, for_s: float, until_id: int | None = None) -> list[Frame]:

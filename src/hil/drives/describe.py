@@ -14,7 +14,7 @@ from hil.drives import imu_node
 from hil.drives.lust_cdd3000 import codec
 from hil.drives.lust_cdd3000.scales import Scales, kind_of
 from hil.drives.power import PowerState
-from hil.drives.profile import LustProfile
+from hil.drives.profile import LustProfile, Parameter, Parameters, WireType
 from hil.errors import ProtocolError
 from hil.frames import Frame
 from hil.signals import Quantity
@@ -46,7 +46,7 @@ class Describer:
         is_rotary = geometry.kind == "axis_1dof" and geometry.load == "pendulum"
         self._units = _UNITS[is_rotary]
         self._imu_id = rig.can.imu_base_id if rig.imu else None
-        self._numbers = self._parameter_names()
+        self._names = _names_of(profile.parameters)
         self._readers: dict[int, tuple[str, str, Callable[[Frame], Described]]] = {}
         for i, actuator in enumerate(rig.actuators):
             ids = codec.frame_ids(profile.ids, rig.address(i))
@@ -106,25 +106,28 @@ class Describer:
         return Described(who, "status", ", ".join(words), {"position": value})
 
     def _request(self, who: str, scales: Scales, data: bytes) -> Described:
-        number, mode, value, _ = codec.decode_request(data)
-        what = self._numbers.get(number, f"parameter {number}")
+        number, mode, raw, _ = codec.decode_request(data)
         if mode == codec.Mode.READ:
-            return Described(who, "request", f"read {what}")
+            return Described(who, "request", f"read {self._parameter(number)}")
         verb = "write" if mode == codec.Mode.WRITE else f"mode {mode} on"
-        return Described(who, "request", f"{verb} {what} = {value}")
+        return Described(who, "request", f"{verb} {self._parameter(number, raw)}")
 
     def _answer(self, who: str, scales: Scales, data: bytes) -> Described:
         answer = codec.decode_answer(data)
-        what = self._numbers.get(answer.number, f"parameter {answer.number}")
         if answer.status:
-            return Described(who, "answer", f"{what}: {answer.status}")
+            text = f"{self._parameter(answer.number)}: {answer.status}"
+            return Described(who, "answer", text)
         for quantity in get_args(Quantity):
             if scales.parameters[quantity].number == answer.number:
                 value = scales.measured(quantity, answer.value)
-                return Described(
-                    who, "answer", f"{what} {self._shown(quantity, value)}", {quantity: value}
-                )
-        return Described(who, "answer", f"{what} = {answer.value}")
+                text = f"{quantity} {self._shown(quantity, value)}"
+                return Described(who, "answer", text, {quantity: value})
+        return Described(who, "answer", self._parameter(answer.number, answer.value))
+
+    def _parameter(self, number: int, raw: int | None = None) -> str:
+        """Name of a parameter of the drive file, and the value that `raw` stands for."""
+        name, kind, scale = self._names.get(number, (f"parameter {number}", "int32", 1.0))
+        return name if raw is None else f"{name} = {codec.from_wire(kind, raw) * scale:g}"
 
     def _error(self, who: str, scales: Scales, data: bytes) -> Described:
         report = codec.decode_error(self._profile.error_frame, data)
@@ -156,15 +159,15 @@ class Describer:
         digits = 6 if quantity == "position" else 3
         return f"{value:+.{digits}f} {self._units[quantity]}"
 
-    def _parameter_names(self) -> dict[int, str]:
-        parameters = self._profile.parameters
-        groups = (parameters.measurements, parameters.precontrol, parameters.gains)
-        prefixes = ("", "pre-control of ", "gain of ")
-        names = {
-            getattr(group, key).number: prefix + key.replace("_", " ")
-            for group, prefix in zip(groups, prefixes, strict=True)
-            for key in type(group).model_fields
-        }
-        names[parameters.watchdog.number] = "watchdog"
-        names[parameters.operating_mode.number] = "operating mode"
-        return names
+
+def _names_of(parameters: Parameters) -> dict[int, tuple[str, WireType, float]]:
+    """Name, type on the wire and scale of each parameter that the drive file names."""
+    groups = (parameters.measurements, parameters.precontrol, parameters.gains)
+    names: dict[int, tuple[str, WireType, float]] = {}
+    for group, words in zip(groups, ("{}", "{} pre-control", "{} gain"), strict=True):
+        for key in type(group).model_fields:
+            parameter: Parameter = getattr(group, key)
+            names[parameter.number] = (words.format(key), parameter.type, parameter.scale)
+    names[parameters.watchdog.number] = ("watchdog", "int32", parameters.watchdog.unit)
+    names[parameters.operating_mode.number] = ("operating mode", "int32", 1.0)
+    return names
