@@ -51,24 +51,10 @@ def uses(trajectory: CueTrajectory, rig: RigFile, manipulator: Manipulator) -> t
     Speeds count with what is still added while the acceleration is taken back at the jerk limit, as
     shaping counts them. KinematicsError where a pose does not close.
     """
-    velocity, acceleration, jerk = trajectory.derivatives()
-    v_max, a_max, j_max = (np.asarray(x) for x in rig.cue_limits())
-    a_max = a_max * ActuatorLimits(rig, manipulator).acceleration_share(rig.limits, a_max)
-    faster = np.where(velocity * acceleration > 0.0, acceleration**2 / (2.0 * j_max), 0.0)
-    rules = (
-        ("workspace", np.abs(trajectory.poses), np.asarray(rig.limits)),
-        ("velocity", np.abs(velocity) + faster, v_max),
-        ("acceleration", np.abs(acceleration), a_max),
-        ("jerk", np.abs(jerk), j_max),
+    return (
+        *_coordinate_uses(trajectory, rig, manipulator),
+        *_actuator_uses(trajectory, rig, manipulator),
     )
-    found = [
-        Use(rule, name, float(np.max(values[:, k])), float(bound[k]))
-        for rule, values, bound in rules
-        for k, name in enumerate(trajectory.coordinates)
-    ]
-    thin = max(1, len(trajectory.t_s) // MOST_ROWS)
-    states = (trajectory.poses, velocity, acceleration, faster)
-    return (*found, *_actuator_uses(rig, manipulator, *(x[::thin] for x in states)))
 
 
 def fitted_scale(
@@ -82,16 +68,10 @@ def fitted_scale(
     scale, reason = (share, "") if shape.is_relative else (1.0, "")
     for _ in range(60):
         try:
-            found = uses(trajectory_of(shape, rig, scale), rig, manipulator)
+            worst, allowed = _tightest(shape, rig, manipulator, scale, share)
         except KinematicsError as error:
             scale, reason = 0.5 * scale, str(error)
             continue
-        if shape.is_relative:
-            worst = max(found, key=lambda use: use.share)
-            allowed = share
-        else:
-            worst = max(found, key=lambda use: use.share / _reserve(use))
-            allowed = _reserve(worst)
         if worst.share <= allowed * (1.0 + 1.0e-9):
             if not shape.is_relative or worst.share > 0.98 * allowed:
                 return scale, reason
@@ -111,39 +91,75 @@ def trajectory_of(shape: Shape, rig: RigFile, scale: float) -> CueTrajectory:
     return CueTrajectory(rig.coordinates, np.arange(len(poses)) / Grid(rig).rate_hz, poses)
 
 
-def _reserve(use: Use) -> float:
-    return 1.0 - ROUNDING if use.rule in POSITIONS else RESERVE
+def _tightest(
+    shape: Shape, rig: RigFile, manipulator: Manipulator, scale: float, share: float
+) -> tuple[Use, float]:
+    """The limit most exceeded or nearest, and the share of it that is allowed.
+
+    Actuators are looked at only where the coordinates' own limits are kept: that costs a thousand times less.
+    """
+
+    def allowed(use: Use) -> float:
+        if shape.is_relative:
+            return share
+        return 1.0 - ROUNDING if use.rule in POSITIONS else RESERVE
+
+    trajectory = trajectory_of(shape, rig, scale)
+    found = _coordinate_uses(trajectory, rig, manipulator)
+    if all(use.share <= allowed(use) * (1.0 + 1.0e-6) for use in found):
+        found += _actuator_uses(trajectory, rig, manipulator)
+    worst = max(found, key=lambda use: use.share / allowed(use))
+    return worst, allowed(worst)
 
 
-def _actuator_uses(
-    rig: RigFile, manipulator: Manipulator, q: Array, qd: Array, qdd: Array, faster: Array
+def _derivatives(trajectory: CueTrajectory, rig: RigFile) -> tuple[Array, Array, Array, Array]:
+    """Velocity, acceleration, jerk, and speed still added while the acceleration is taken back."""
+    velocity, acceleration, jerk = trajectory.derivatives()
+    still = acceleration**2 / (2.0 * np.asarray(rig.cue_limits()[2]))
+    return velocity, acceleration, jerk, np.where(velocity * acceleration > 0.0, still, 0.0)
+
+
+def _coordinate_uses(
+    trajectory: CueTrajectory, rig: RigFile, manipulator: Manipulator
 ) -> list[Use]:
+    velocity, acceleration, jerk, faster = _derivatives(trajectory, rig)
+    v_max, a_max, j_max = (np.asarray(x) for x in rig.cue_limits())
+    a_max = a_max * ActuatorLimits(rig, manipulator).acceleration_share(rig.limits, a_max)
+    rules = (
+        ("workspace", np.abs(trajectory.poses), np.asarray(rig.limits)),
+        ("velocity", np.abs(velocity) + faster, v_max),
+        ("acceleration", np.abs(acceleration), a_max),
+        ("jerk", np.abs(jerk), j_max),
+    )
+    return [
+        Use(rule, name, float(np.max(values[:, k])), float(bound[k]))
+        for rule, values, bound in rules
+        for k, name in enumerate(trajectory.coordinates)
+    ]
+
+
+def _actuator_uses(trajectory: CueTrajectory, rig: RigFile, manipulator: Manipulator) -> list[Use]:
+    thin = max(1, len(trajectory.t_s) // MOST_ROWS)
+    velocity, acceleration, _, faster = _derivatives(trajectory, rig)
+    q = trajectory.poses[::thin]
     neutral = manipulator.inverse(manipulator.neutral)
     margin = rig.safety.stroke_margin
+    rho, speed, strain = (np.empty_like(q) for _ in range(3))
+    rows = zip(q, velocity[::thin], acceleration[::thin], faster[::thin], strict=True)
+    for k, (pose, qd, qdd, more) in enumerate(rows):
+        J = manipulator.jacobian(pose)
+        rho[k] = manipulator.inverse(pose)
+        speed[k] = np.abs(J @ qd) + np.abs(J) @ more
+        strain[k] = np.abs(manipulator.accelerations(pose, qd, qdd))
     found = []
-    rho, speed, acceleration = (np.empty_like(q) for _ in range(3))
-    for k, state in enumerate(zip(q, qd, qdd, faster, strict=True)):
-        J = manipulator.jacobian(state[0])
-        rho[k] = manipulator.inverse(state[0])
-        speed[k] = np.abs(J @ state[1]) + np.abs(J) @ state[3]
-        acceleration[k] = np.abs(manipulator.accelerations(*state[:3]))
     for i, actuator in enumerate(rig.actuators):
         ends = (neutral[i] - actuator.stroke[0] - margin, actuator.stroke[1] - margin - neutral[i])
         reach = (float(np.max(neutral[i] - rho[:, i])), float(np.max(rho[:, i] - neutral[i])))
         side = 0 if reach[0] / ends[0] > reach[1] / ends[1] else 1
+        fastest, quickest = float(np.max(speed[:, i])), float(np.max(strain[:, i]))
         found += [
             Use("stroke", actuator.name, reach[side], float(ends[side])),
-            Use(
-                "speed",
-                actuator.name,
-                float(np.max(speed[:, i])),
-                SPEED_SHARE * actuator.velocity_max,
-            ),
-            Use(
-                "acceleration",
-                actuator.name,
-                float(np.max(acceleration[:, i])),
-                actuator.acceleration_max,
-            ),
+            Use("speed", actuator.name, fastest, SPEED_SHARE * actuator.velocity_max),
+            Use("acceleration", actuator.name, quickest, actuator.acceleration_max),
         ]
     return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -37,8 +36,8 @@ class Shaped:
     """(n,) largest |shaped - designed| of each coordinate, m or rad."""
     peak: Array
     """(n,) largest |designed|."""
-    held_back: tuple[str, ...]
-    """Rules by which guard or shaper changed the motion, with the number of times."""
+    held_back: str
+    """The first rule by which guard or shaper changed the motion, and when; empty where none did."""
 
     @property
     def relative(self) -> float:
@@ -54,7 +53,7 @@ class Shaped:
 
     def __str__(self) -> str:
         if self.held_back:
-            return f"shaping would hold it back: {', '.join(self.held_back)}"
+            return f"shaping would hold it back: {self.held_back}"
         return f"shaping would change it by {100.0 * self.relative:.2g} % of its peak"
 
 
@@ -77,31 +76,33 @@ def experiment_cues(
 
 
 def shaped(trajectory: CueTrajectory, rig: RigFile, manipulator: Manipulator) -> Shaped:
-    """Shape `trajectory` cycle by cycle, as the daemon would."""
+    """Shape `trajectory` cycle by cycle, as the daemon would; no further than to where it is held back."""
     guard, shaper = CueGuard(rig), CueShaper(rig, manipulator)
     shaper.reset(np.asarray(rig.parked_pose))
     shaper.follow()
     start_s, cycle_s = lead_s(rig) - float(trajectory.t_s[0]), rig.bus.cycle
-    held_back: Counter[str] = Counter()
+    held_back = ""
     made: list[tuple[float, Array]] = []
     cycle = 0
     for cue in experiment_cues(trajectory, rig):
-        while cycle * cycle_s < cue.received_s - 1.0e-9:
+        while cycle * cycle_s < cue.received_s - 1.0e-9 and not held_back:
             reference = shaper.step(cycle * cycle_s)
             made.append((reference.t_s - start_s, reference.pose))
             cycle += 1
+            if shaper.counts:
+                held_back = f"{next(iter(shaper.counts))} at {made[-1][0]:.2f} s"
         verdict = guard.check(cue, cue.received_s)
         if verdict.name != "accepted":
-            held_back[verdict.name] += 1
-        if verdict.cue is not None:
-            shaper.accept(verdict.cue)
-    held_back.update(shaper.counts)
+            held_back = f"{verdict.name} at {cue.received_s - start_s:.2f} s"
+        if held_back or verdict.cue is None:
+            break
+        shaper.accept(verdict.cue)
     t = np.array([t_s for t_s, _ in made])
     inside = (t >= trajectory.t_s[0]) & (t <= trajectory.t_s[-1])
     poses = np.array([pose for _, pose in made])[inside]
     designed = CubicSpline(trajectory.t_s, trajectory.poses, axis=0)(t[inside])
     return Shaped(
-        np.max(np.abs(poses - designed), axis=0),
+        np.max(np.abs(poses - designed), axis=0, initial=0.0),
         np.max(np.abs(trajectory.poses), axis=0),
-        tuple(f"{rule} ({n} times)" for rule, n in sorted(held_back.items())),
+        held_back,
     )

@@ -20,6 +20,9 @@ from hil.rigs import Manipulator
 PEAKS: Final = (35.0 / 16.0, 84.0 / (5.0 * np.sqrt(5.0)), 52.5)
 """Largest speed, acceleration and jerk of `smooth_step` in a unit of time."""
 
+AT_REST: Final = 0.02
+"""Share of a coordinate's speed limit at which a motion from a file may begin or end."""
+
 
 def step_shape(plan: Step, rig: RigFile, manipulator: Manipulator) -> Shape:
     """Up, hold, down, hold, `count` times. Takes as long as `share` of the limits asks for."""
@@ -48,6 +51,7 @@ def custom_shape(plan: Custom, rig: RigFile, motion: CueTrajectory) -> Shape:
     even = motion.resampled(grid.rate_hz)
     if plan.cutoff:
         even = even.low_passed(plan.cutoff)
+    _need_rest(plan, rig, even)
     rows = np.zeros((len(even.t_s), len(rig.coordinates)))
     rows[:, [rig.coordinates.index(c) for c in motion.coordinates]] = even.poses
     full = np.concatenate([grid.rest(rows[:1]), rows, grid.rest(rows)])
@@ -55,6 +59,19 @@ def custom_shape(plan: Custom, rig: RigFile, motion: CueTrajectory) -> Shape:
     segment = Segment(name="custom", start_s=begin_s, end_s=begin_s + even.duration_s)
     peaks = np.max(np.abs(even.poses), axis=0)
     return Shape(motion.coordinates, tuple(peaks.tolist()), lambda s: s * full, (segment,))
+
+
+def _need_rest(plan: Custom, rig: RigFile, motion: CueTrajectory) -> None:
+    """ConfigError where the motion of a file begins or ends at a speed."""
+    for row, what in ((0, "begins"), (-1, "ends")):
+        step = motion.poses[row] - motion.poses[1 if row == 0 else -2]
+        for name, speed in zip(motion.coordinates, np.abs(step) / motion.step_s, strict=True):
+            allowed = AT_REST * rig.cue_limits()[0][rig.coordinates.index(name)]
+            if speed > allowed:
+                raise ConfigError(
+                    f"{plan.file}: {what} with {name} at {speed:.3g}/s; a motion begins and ends at rest "
+                    f"(below {allowed:.3g}/s here): fade it in and out"
+                )
 
 
 def _actuator_steps(plan: Step, rig: RigFile, manipulator: Manipulator) -> Shape:
@@ -94,7 +111,7 @@ def _profile(
     rest = np.zeros(round(grid.seconds(REST_S) * grid.rate_hz))
     one = np.concatenate([up, np.ones(hold), 1.0 - up, np.zeros(hold)])
     half_s = 0.5 * len(one) / grid.rate_hz
-    begin_s = len(rest) / grid.rate_hz
+    begin_s = (len(rest) - 1) / grid.rate_hz
     segments = tuple(
         Segment(
             name=f"{'down' if k % 2 else 'up'} {k // 2 + 1}",
