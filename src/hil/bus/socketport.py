@@ -8,7 +8,7 @@ import time
 from typing import Final
 
 from hil.bus.clocks import STAMP_ROOM, monotonic_minus_realtime_s, received_s, request_stamps
-from hil.bus.state import BusState, PortCounters, state_after
+from hil.bus.state import ERR_BUS_OFF, BusState, PortCounters, controller_error, state_after
 from hil.errors import BusBusy, BusError, BusOff, ProtocolError
 from hil.frames import FRAME_BYTES, Frame, StampedFrame, pack, unpack
 
@@ -48,6 +48,7 @@ class SocketPort:
         self._remedy = remedy
         self._only_from = only_from
         self._deferred: BusError | None = None
+        self._is_down = False
 
     def fileno(self) -> int:
         """The descriptor that is readable when frames wait; -1 once closed."""
@@ -57,12 +58,14 @@ class SocketPort:
         """What has arrived, oldest first, without waiting; BusError when the bus is lost.
 
         Frames that came before the loss are handed out first. A call reads a bounded number of
-        records, so that after a flood the descriptor may still be readable.
+        records, so that after a flood the descriptor may still be readable. An interface that is
+        set down is off the bus, not lost: that comes as the error frame of a controller.
         """
         if self._deferred is not None:
             error, self._deferred = self._deferred, None
             raise error
         frames: list[StampedFrame] = []
+        has_gone_down = False
         offset_s, now_s = monotonic_minus_realtime_s(), time.monotonic()
         for _ in range(_DRAIN_LIMIT):
             try:
@@ -72,6 +75,9 @@ class SocketPort:
             except ConnectionResetError:  # Unix sockets tell this before the last records
                 continue
             except OSError as cause:
+                if cause.errno == errno.ENETDOWN:  # told before the frames that came earlier
+                    has_gone_down = True
+                    continue
                 self._defer(self._lost(cause.strerror or str(cause)), frames)
                 break
             if not record and not ancillary:  # an empty record would carry a stamp
@@ -84,8 +90,12 @@ class SocketPort:
             except ProtocolError:
                 self.counters.malformed += 1
                 continue
+            self._is_down = False
             self.state = state_after(frame, self.state)
             frames.append(StampedFrame(received_s(ancillary, offset_s, now_s), frame))
+        if has_gone_down:
+            self._is_down, self.state = True, BusState.BUS_OFF
+            frames.append(StampedFrame(now_s, controller_error(ERR_BUS_OFF)))
         self.counters.received += len(frames)
         return frames
 
@@ -112,7 +122,7 @@ class SocketPort:
             raise BusError(f"{self.name} is open for reading only: it cannot transmit")
         if frame.is_error:
             raise ProtocolError(f"{self.name}: error frames are the controller's, not ours to send")
-        if self.state is BusState.BUS_OFF:
+        if self.state is BusState.BUS_OFF and not self._is_down:
             raise BusOff(
                 f"{self.name}: the controller has left the bus after too many errors; check "
                 "wiring, termination and bit rate, then restart it"
@@ -124,7 +134,12 @@ class SocketPort:
                 raise BusBusy(
                     f"{self.name}: the transmit queue is full; the bus carries less than is sent"
                 ) from cause
+            if cause.errno == errno.ENETDOWN:
+                self._is_down, self.state = True, BusState.BUS_OFF
+                raise BusOff(f"{self.name}: the interface is down; {self._remedy}") from cause
             raise self._lost(cause.strerror or str(cause)) from cause
+        if self._is_down:  # nobody tells that it is up again, but that it takes frames
+            self._is_down, self.state = False, BusState.ERROR_ACTIVE
 
     def _lost(self, reason: str) -> BusError:
         return BusError(f"{self.name}: {reason}; {self._remedy}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import signal
 import time
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from contextlib import suppress
 
 from hil.bus.port import BusPort
 from hil.bus.timerfd import Timer
-from hil.errors import BusBusy
+from hil.errors import BusBusy, BusOff
 from hil.sim.rig import SimulatedRig
 
 
@@ -44,7 +45,9 @@ class SimulatedRigServer:
     def _guarded(self, action: Callable[[], None]) -> None:
         try:
             action()
-            self._timer.arm_at(self._simulated.next_due_s + self._start_s)
+            due_s = self._simulated.next_due_s
+            if due_s < math.inf:  # a rig without IMU whose drives wait for frames has nothing due
+                self._timer.arm_at(due_s + self._start_s)
         except Exception as error:  # noqa: BLE001 - handed to whoever awaits run()
             if not self._failed.done():
                 self._failed.set_exception(error)
@@ -58,7 +61,7 @@ class SimulatedRigServer:
         for frame in self._simulated.on_time(time.monotonic() - self._start_s):
             try:
                 self._port.send(frame)
-            except BusBusy:
+            except (BusBusy, BusOff):  # a drive's power outlasts its bus
                 self.unsent += 1
 
 

@@ -77,7 +77,7 @@ class RigCore:
         self.start_at(start_s)
         self._refused_now = False
         self._busy_cycles = 0
-        self._bus_off = False
+        self._bus_off = self._bus_again = False
         self._ending = False
         self.bus_load = NAN
         """Share of the bus in use, as whoever holds the port has measured it."""
@@ -107,6 +107,8 @@ class RigCore:
         self._heard_count += 1
         if frame.is_error:
             self._on_error_frame(now_s, frame)
+        elif self._bus_off:  # a controller that is off hears nothing: it was restarted by hand
+            self._on_bus_again(now_s)
         samples, events = self._link.receive(now_s, frame)
         for sample in samples:
             self._motion.sample(sample)
@@ -143,7 +145,8 @@ class RigCore:
         is_off = isinstance(error, BusOff)
         self._heard(now_s, "refused_off" if is_off else "refused", frame=frame)
         self._refused_now = True
-        self._bus_off = is_off or self._bus_off
+        if is_off:
+            self._bus_off, self._bus_again = True, False
         self._tell(now_s, "bus_refused", f"{frame} was not sent: {error}")
 
     def end(self) -> None:
@@ -195,6 +198,8 @@ class RigCore:
         self._refused_now = False
         outputs, self._state = self._machine.step(self._inputs(now_s), self._state, now_s)
         self._requests = []
+        if self._bus_again:  # not before the cycle has seen that it was off: what was queued is lost
+            self._bus_off = self._bus_again = False
         self._power, self._goal = outputs.power, outputs.motion
         self._link.gate.arm() if outputs.armed else self._link.gate.disarm()
         # By the schedule, not by the wake-up: lateness must not become speed jitter.
@@ -236,10 +241,14 @@ class RigCore:
     def _on_error_frame(self, now_s: float, frame: Frame) -> None:
         error_class = frame.can_id
         if error_class & ERR_BUS_OFF:
-            self._bus_off = True
+            self._bus_off, self._bus_again = True, False
             self._tell(now_s, "bus_off", "the CAN controller has left the bus")
         elif error_class & ERR_RESTARTED:
-            self._bus_off = False
+            self._on_bus_again(now_s)
+
+    def _on_bus_again(self, now_s: float) -> None:
+        if not self._bus_again:
+            self._bus_again = True
             self._tell(now_s, "bus_on", "the CAN controller is on the bus again")
 
     def _set_gain(self, command: CommandRecord) -> ReplyRecord:
