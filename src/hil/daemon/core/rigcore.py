@@ -88,7 +88,7 @@ class RigCore:
         bus = self.rig.bus
         stagger_s = bus.stagger if bus.schedule == "parameter" else 0.0
         self._schedule = Schedule(start_s, bus.cycle, stagger_s, len(self._link.drives))
-        self._gateway_s = inf  # not heard yet: it may take seconds to start, and nothing moves before
+        self._gateway_s = inf  # not heard yet: it may take seconds to start; nothing moves before
 
     @property
     def state(self) -> str:
@@ -198,7 +198,7 @@ class RigCore:
         self._refused_now = False
         outputs, self._state = self._machine.step(self._inputs(now_s), self._state, now_s)
         self._requests = []
-        if self._bus_again:  # not before the cycle has seen that it was off: what was queued is lost
+        if self._bus_again:  # only now: the cycle must see that it was off
             self._bus_off = self._bus_again = False
         self._power, self._goal = outputs.power, outputs.motion
         self._link.gate.arm() if outputs.armed else self._link.gate.disarm()
