@@ -325,8 +325,10 @@ def test_drives_answer_when_asked(tmp_path, rig):
 def test_drives_are_prepared_up_to_ready_without_power(tmp_path, rig):
     with simulated(tmp_path, rig):
         found = check_drives(rig, PROFILES, Probe(prepares=True))
-    assert trouble(found) == {}
+        assert trouble(found) == {}
+        again = check_drives(rig, PROFILES, Probe(listen_s=0.5))
     assert "watchdog is written and read back" in found[0].text
+    assert "logs on" in again[0].text  # and none of them ran into its watchdog
 
 
 def test_a_watchdog_parameter_that_the_drive_refuses_is_named(tmp_path, rig):

@@ -6,6 +6,7 @@ The loop is the control process's own kind: asyncio, woken by a timerfd, with th
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import select
 import time
@@ -73,6 +74,7 @@ def measure_latency(cycle_s: float, seconds: float, bus: str | None, bitrate_bps
                 trips = _round_trips(bus, bitrate_bps, seconds)
     finally:
         garbage.disarm()
+        gc.unfreeze()
     load = os.getloadavg()[0] / (os.cpu_count() or 1)
     return Latency(cycle_s, late_us, overruns, rights, load, trips)
 
