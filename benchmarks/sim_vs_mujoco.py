@@ -123,7 +123,7 @@ def through_plant(rig: RigFile, rho: np.ndarray) -> Callable[[], float]:
 
 
 def through_mujoco(rig: RigFile, rho: np.ndarray) -> tuple[Callable[[], float], np.ndarray]:
-    """Runs the motion in MuJoCo; returns seconds of processor time. Also its static actuator forces at the start."""
+    """Runs the motion in MuJoCo; returns seconds of processor time. Also its static actuator forces."""
     model = mujoco.MjModel.from_xml_string(mechanism(rig))
     data = mujoco.MjData(model)
     steps = round(CYCLE_S / rig.bus.speed_loop)
