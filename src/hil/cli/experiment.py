@@ -22,7 +22,15 @@ from hil.client import RigClient
 from hil.config import Effect, RigFile
 from hil.configfile import parse_settings
 from hil.errors import ConfigError
-from hil.identify.experiments import PLANS, Custom, Design, Plan, design, write_experiment
+from hil.identify.experiments import (
+    PLANS,
+    Custom,
+    Design,
+    Plan,
+    design,
+    experiment_of,
+    write_experiment,
+)
 from hil.identify.experiments.custom import read_custom
 from hil.identify.experiments.play import play_on_rig, play_simulated
 from hil.sim.parameters import ParameterTable
@@ -120,7 +128,7 @@ def _play(
         write_json(
             {
                 "folder": str(folder),
-                "experiment": made.description.model_dump(mode="json"),
+                "experiment": (experiment_of(folder) or made.description).model_dump(mode="json"),
                 "uses": uses,
                 "shaped_deviation": made.shaped.relative,
             }

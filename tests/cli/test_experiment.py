@@ -1,0 +1,140 @@
+"""`hil experiment` designs, shows, writes and plays; `hil rig workspace` says where a rig can go."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from hil.cli.app import app
+from hil.errors import ConfigError, RigNotReached
+from hil.identify.experiments import experiment_of
+from hil.runs import load_run
+
+run = CliRunner().invoke
+STEP = ["experiment", "axis", "step", "--count", "1", "--hold", "0.5"]
+
+
+def test_a_dry_run_writes_motion_description_and_page_and_plays_nothing(tmp_path):
+    result = run(app, [*STEP, "--dry-run", str(tmp_path / "out")], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "experiment.toml",
+        "experiment.csv",
+        "experiment.html",
+    }
+    assert "step on axis: position 0.01" in result.output
+    assert "velocity of position" in result.output
+    assert experiment_of(tmp_path / "out").played is None
+    page = (tmp_path / "out" / "experiment.html").read_text()
+    assert "Limits used" in page
+    assert "<script src=" not in page
+
+
+def test_by_default_it_is_played_on_the_simulated_rig(tmp_path):
+    result = run(app, [*STEP, "--runs", str(tmp_path), "--json", "--seed", "5"])
+    assert result.exit_code == 0, result.output
+    answer = json.loads(result.stdout)
+    (folder,) = tmp_path.iterdir()
+    assert answer["folder"] == str(folder)
+    described = experiment_of(folder)
+    assert described.played.seed == 5
+    assert answer["experiment"]["played"]["start_s"] == described.played.start_s
+    assert max(use["value"] / use["bound"] for use in answer["uses"]) < 0.6
+    position = load_run(folder).table["axis.position"].dropna()
+    assert position.max() == pytest.approx(0.01, abs=5e-4)
+
+
+def test_lists_are_given_with_commas(tmp_path):
+    options = "--period 4 --periods 1 --realisations 1 --amplitude 0.01,0.02 --harmonics 1,2,5,6"
+    lists = ["--coordinates", "pitch, roll", *options.split(), "--dry-run", str(tmp_path)]
+    result = run(app, ["experiment", "motorcycle", "multisine", *lists], catch_exceptions=False)
+    assert result.exit_code == 0
+    described = experiment_of(tmp_path)
+    assert described.amplitude == (0.01, 0.02)
+    assert [lines.excited for lines in described.lines] == [(1, 5), (2, 6)]
+
+
+def test_what_had_to_be_scaled_is_said(tmp_path):
+    options = ["--amplitude", "0.5", "--cycles", "1", "--fade", "2", "--dry-run", str(tmp_path)]
+    result = run(app, ["experiment", "axis", "heave", *options], catch_exceptions=False)
+    assert "scaled by 0." in result.output
+    assert "to fit: " in result.output
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["step", "--hold", "0.01"], r"hil experiment axis step: hold_s: .*0\.1 \(got 0\.01\)"),
+        (["sweep", "--coordinates", "heave"], r"axis has no coordinate 'heave'; it has position"),
+        (["step", "--amplitude", "x"], r"amplitude\[0\]: .*valid number"),
+        (["step", "--effect", "axis.backlash.gap"], r"--effect axis.backlash.gap: needs a name, ="),
+        (["step", "--effect", "axis.backlsh.gap=1"], r"no parameter .*nearest: axis.backlash.gap"),
+        (["step", "--effect", "axis.backlash.gap=1"], r"axis.backlash.gap = 1 m lies outside"),
+        (["custom", "--file", "none.csv"], r"none.csv: no such file"),
+    ],
+)
+def test_bad_options_get_a_sentence(options, says, tmp_path):
+    result = run(app, ["experiment", "axis", *options, "--runs", str(tmp_path)])
+    assert result.exit_code == 1
+    assert isinstance(result.exception, Exception)
+    with pytest.raises(type(result.exception), match=says):
+        raise result.exception
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_real_rig_cannot_be_hurt():
+    result = run(
+        app, [*STEP, "--endpoint", "tcp/127.0.0.1:9", "--effect", "axis.backlash.gap=0.001"]
+    )
+    assert isinstance(result.exception, ConfigError)
+    assert "only a simulated rig can be hurt" in str(result.exception)
+
+
+def test_an_endpoint_where_nobody_listens_is_named():
+    result = run(app, [*STEP, "--endpoint", "tcp/127.0.0.1:9"])
+    assert isinstance(result.exception, RigNotReached)
+    assert "no daemon at tcp/127.0.0.1:9" in str(result.exception)
+
+
+def test_a_custom_motion_is_played_from_its_file(tmp_path):
+    path = tmp_path / "motion.csv"
+    rows = [f"{0.01 * k},{0.01 * (1 - (k / 100 - 1) ** 2) ** 4}" for k in range(201)]
+    path.write_text("t,position\n" + "\n".join(rows) + "\n")
+    result = run(
+        app,
+        ["experiment", "axis", "custom", "--file", str(path), "--dry-run", str(tmp_path / "out")],
+        catch_exceptions=False,
+    )
+    assert result.exit_code == 0
+    described = experiment_of(tmp_path / "out")
+    assert described.scale == 1.0
+    assert len(described.plan.sha256) == 64
+
+
+def test_workspace_of_the_stewart_platform_is_the_published_one(tmp_path):
+    """Specs: surge 930, sway 860, heave 500 mm; roll ±28, pitch +34/-32, yaw ±44 degrees."""
+    page = tmp_path / "workspace.html"
+    result = run(
+        app, ["rig", "workspace", "stewart", "--json", "--html", str(page)], catch_exceptions=False
+    )
+    found = json.loads(result.stdout)
+    spans = {c: r["to"] - r["from"] for c, r in found["ranges"].items()}
+    assert [round(1e3 * spans[c]) for c in ("surge", "sway", "heave")] == pytest.approx(
+        [930, 860, 500], abs=2
+    )
+    ends = {c: (57.29578 * r["from"], 57.29578 * r["to"]) for c, r in found["ranges"].items()}
+    assert ends["pitch"] == pytest.approx((-32.0, 34.0), abs=0.15)
+    assert ends["roll"] == pytest.approx((-28.0, 28.0), abs=0.1)
+    assert ends["yaw"] == pytest.approx((-44.0, 44.0), abs=0.1)
+    assert 0.40 < found["box_share"] < 0.55
+    assert found["condition_neutral"] == pytest.approx(3.4, abs=0.05)
+    assert not found["is_singular"]
+    text = page.read_text()
+    assert "Slices" in text
+    assert "<script src=" not in text
+
+
+def test_workspace_of_an_axis_is_a_table():
+    result = run(app, ["rig", "workspace", "axis"], catch_exceptions=False)
+    assert "-250.0" in result.output
+    assert "100 % of the box" in result.output
