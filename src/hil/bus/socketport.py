@@ -65,7 +65,7 @@ class SocketPort:
             error, self._deferred = self._deferred, None
             raise error
         frames: list[StampedFrame] = []
-        has_gone_down = False
+        trouble: OSError | None = None
         offset_s, now_s = monotonic_minus_realtime_s(), time.monotonic()
         for _ in range(_DRAIN_LIMIT):
             try:
@@ -74,12 +74,13 @@ class SocketPort:
                 break
             except ConnectionResetError:  # Unix sockets tell this before the last records
                 continue
-            except OSError as cause:
-                if cause.errno == errno.ENETDOWN:  # told before the frames that came earlier
-                    has_gone_down = True
-                    continue
-                self._defer(self._lost(cause.strerror or str(cause)), frames)
-                break
+            except (
+                OSError
+            ) as cause:  # CAN sockets tell it once, before the frames that came earlier
+                if trouble is not None:
+                    break
+                trouble = cause
+                continue
             if not record and not ancillary:  # an empty record would carry a stamp
                 self._defer(self._lost("the other end has closed"), frames)
                 break
@@ -93,10 +94,12 @@ class SocketPort:
             self._is_down = False
             self.state = state_after(frame, self.state)
             frames.append(StampedFrame(received_s(ancillary, offset_s, now_s), frame))
-        if has_gone_down:
+        if trouble is not None and trouble.errno == errno.ENETDOWN:
             self._is_down, self.state = True, BusState.BUS_OFF
             frames.append(StampedFrame(now_s, controller_error(ERR_BUS_OFF)))
         self.counters.received += len(frames)
+        if trouble is not None and trouble.errno != errno.ENETDOWN:
+            self._defer(self._lost(trouble.strerror or str(trouble)), frames)
         return frames
 
     def send(self, frame: Frame) -> None:
