@@ -1,0 +1,82 @@
+"""An experiment through a running daemon, with its processes, its bus and its network."""
+
+import socket
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+
+import pytest
+from typer.testing import CliRunner
+
+from hil.cli.app import app
+from hil.client import RigClient
+from hil.errors import CommandRefused, RigNotReached
+from hil.identify.experiments import experiment_of
+from hil.runs import load_run, read_cue_file
+
+run = CliRunner().invoke
+START_S = 60.0
+"""A fresh checkout compiles the model first."""
+
+
+def reached(endpoint: str) -> RigClient:
+    end_s = time.monotonic() + START_S
+    while True:
+        try:
+            return RigClient("axis", endpoint, timeout_s=1.0).open()
+        except RigNotReached:
+            if time.monotonic() > end_s:
+                raise
+            time.sleep(0.2)
+
+
+@pytest.fixture
+def daemon(tmp_path):
+    """Simulated rig and daemon of the axis; gives endpoint and folder of runs."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    bus, runs = f"hub:{tmp_path / 'bus.sock'}", tmp_path / "runs"
+    hil = [sys.executable, "-m", "hil"]
+    commands = (
+        ["simulate", "axis", "--hub", "--can", bus],
+        ["run", "axis", "--can", bus, "--listen", endpoint, "--runs", str(runs)],
+    )
+    with ExitStack() as stack:
+        log = stack.enter_context((tmp_path / "log.txt").open("w"))
+        for command in commands:
+            process = subprocess.Popen([*hil, *command], stdout=log, stderr=log)
+            stack.callback(process.wait, 30.0)
+            stack.callback(process.terminate)
+            end_s = time.monotonic() + START_S
+            while not (tmp_path / "bus.sock").exists() and time.monotonic() < end_s:
+                time.sleep(0.1)
+        yield endpoint, runs
+
+
+def test_an_armed_rig_plays_an_experiment_and_parks(daemon):
+    endpoint, runs = daemon
+    step = ["experiment", "axis", "step", "--count", "1", "--hold", "0.3"]
+    step += ["--endpoint", endpoint, "--runs", str(runs)]
+    with reached(endpoint) as client:
+        refused = run(app, step)
+        assert isinstance(refused.exception, CommandRefused)
+        assert "arm it first" in str(refused.exception)
+        end_s = time.monotonic() + START_S
+        while not client.command("arm").ok and time.monotonic() < end_s:
+            time.sleep(0.3)
+        result = run(app, step)
+        assert result.exit_code == 0, result.exception
+        assert next(client.states()).state == "parked"
+    (folder,) = (f for f in runs.iterdir() if experiment_of(f) is not None)
+    played = experiment_of(folder).played
+    assert (played.on, played.endpoint) == ("rig", endpoint)
+    kept = load_run(folder)
+    motion = read_cue_file(folder / "experiment.csv").trajectory
+    sent = kept.table[["t", "axis.setpoint"]].dropna()
+    moving = sent["t"][sent["axis.setpoint"] > 0.005]
+    designed = motion.t_s[motion.poses[:, 0] > 0.005]
+    starts = (moving.iloc[0] - played.start_s, designed[0])
+    assert starts[0] == pytest.approx(starts[1], abs=0.05)
+    assert sent["axis.setpoint"].max() == pytest.approx(0.01, abs=2e-4)
