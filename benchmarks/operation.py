@@ -51,10 +51,10 @@ def operate(rig: RigFile, operation_s: float) -> tuple[str | float | int, ...]:
     session.arm()
     start_s, first = session.now_s, states[-1]
     busy_s, states[:] = session.bus.totals.busy_s, []
-    wall_s = time.perf_counter()
+    wall_s, processor_s = time.monotonic(), time.thread_time()
     for cue in _riding(rig, operation_s):
         session.cue(cue_at(cue, start_s))
-    wall_s = time.perf_counter() - wall_s
+    wall_s, processor_s = time.monotonic() - wall_s, time.thread_time() - processor_s
     last, lasted_s = states[-1], session.now_s - start_s
     slots, pairs = last.slots - first.slots, last.pairs - first.pairs
     moving = np.mean([s.state == "engaged" for s in states])
@@ -70,7 +70,8 @@ def operate(rig: RigFile, operation_s: float) -> tuple[str | float | int, ...]:
         100.0 * (session.bus.totals.busy_s - busy_s) / lasted_s,
         troubles,
         wall_s,
-        lasted_s / wall_s,
+        processor_s,
+        lasted_s / processor_s,
     )
 
 
