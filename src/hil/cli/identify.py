@@ -12,6 +12,7 @@ import typer
 from rich.table import Table
 from typer.core import TyperGroup
 
+from hil.cli import identify_frequency
 from hil.cli.console import JsonFlag, err, out, write_json
 from hil.configfile import find_rig_file, load_rig
 from hil.identify.estimate import (
@@ -45,6 +46,9 @@ app = typer.Typer(
     help="What a rig's parameters are: from runs, with intervals, and what the data cannot tell.",
     no_args_is_help=True,
 )
+app.command()(identify_frequency.frf)
+app.command("agard")(identify_frequency.agard_command)
+app.command()(identify_frequency.agard_steps)
 
 
 class Method(StrEnum):

@@ -44,7 +44,7 @@ p.sub { margin: 0 0 18px; color: #64748b; }
 section { background: #fff; border: 1px solid #e2e8f0; border-radius: 10px;
           padding: 18px 20px; margin-bottom: 18px; overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
-th, td { text-align: left; padding: 5px 18px 5px 0; white-space: nowrap; }
+th, td { text-align: left; padding: 5px 14px 5px 0; white-space: nowrap; }
 th { font-weight: 600; color: #475569; }
 tr + tr > * { border-top: 1px solid #f1f5f9; }
 .note { background: #fffbeb; border-color: #fcd34d; }
@@ -194,7 +194,7 @@ def _curve(
 def _fits(a: FrfAnalysis) -> str:
     head = "".join(
         f"<th>{x}</th>"
-        for x in ("", "gain", "f, Hz", "damping", "delay, ms", "lag of slow motion, ms", "misfit")
+        for x in ("", "gain", "f, Hz", "damping", "delay, ms", "slow lag, ms", "misfit")
     )
     rows = [
         f"<tr><th>{escape(name)}</th>"
@@ -206,7 +206,8 @@ def _fits(a: FrfAnalysis) -> str:
         for name, fit in a.fits.items()
     ]
     text = (
-        "Misfit is the residual over its standard deviation: 1 where the model is right. “whole” is all that "
+        "Slow lag is τ + 2ζ/ω, by which slow motion is late. Misfit is the residual over its standard "
+        "deviation: 1 where the model is right. “whole” is all that "
         "lies between input and output; “filter” is what is left when the daemon's shaping, and the rig "
         "file's drives with their friction at this speed, are taken off."
     )
@@ -241,7 +242,7 @@ def _levels(d: Distortion) -> str:
     for name, hz, level, colour, symbol in curves:
         figure.add_scatter(
             x=hz,
-            y=20.0 * np.log10(np.maximum(level, 1e-12)),
+            y=20.0 * np.log10(np.where(level > 0.0, level, np.nan)),
             name=name,
             mode="markers",
             marker={"color": colour, "symbol": symbol, "size": 8, "line": {"width": 1.5}},
@@ -371,6 +372,7 @@ def _style(figure: go.Figure, height: int) -> None:
         margin={"l": 70, "r": 20, "t": 40, "b": 50},
         template="plotly_white",
         font=_FONT,
+        modebar={"orientation": "v"},
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0.0},
         colorway=[BLUE, ORANGE, GREEN, PINK, GREY],
     )

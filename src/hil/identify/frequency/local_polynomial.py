@@ -23,20 +23,21 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 ORDER: Final = 2
-SIDE: Final = 6
-"""Lines used on either side: 13 for six unknowns leave seven degrees of freedom."""
-FREEDOM: Final = 2 * SIDE + 1 - 2 * (ORDER + 1)
+FEWEST_SIDE: Final = 6
+"""Lines used on either side, at least: 13 for six unknowns leave seven degrees of freedom."""
+RESOLUTION_HZ: Final = 0.15
+"""Long records have more lines within this on either side [R]: a parabola follows platforms over it."""
 SPLINE_SHARE: Final = 0.25
 """Up to this share of the sampling rate a cubic spline between samples errs by under 1 % [V]."""
 POWER: Final = 1.0e-5
 """Lines where the reference has less than this share of its strongest power say nothing."""
-FEWEST_LINES: Final = 2 * SIDE + 1
+FEWEST_LINES: Final = 3
 
 
 def local_response(
     reference: Channel, input_: Channel, output: Channel, highest_hz: float | None
 ) -> FrequencyResponse:
-    """Response over the whole time that all channels share.
+    """Response over the whole time that all channels share, at lines so far apart that they share no data.
 
     IdentificationError where the record is too short, or the motion is lost in noise.
     """
@@ -44,7 +45,7 @@ def local_response(
     start, end = max(c.span_s[0] for c in channels), min(c.span_s[1] for c in channels)
     slowest = min(c.rate_hz for c in channels)
     size = int((end - start) * slowest)
-    if size < 4 * FEWEST_LINES:
+    if size < 8 * FEWEST_SIDE:
         raise IdentificationError(
             f"{input_.name} to {output.name}: {max(end - start, 0.0):.2f} s of record are too short"
         )
@@ -52,15 +53,17 @@ def local_response(
     limit = min(SPLINE_SHARE * slowest, highest_hz or HIGHEST_HZ, RATE_SHARE * slowest)
     hz = np.asarray(np.fft.rfftfreq(size, 1.0 / slowest), dtype=np.float64)
     r, u, y = (np.fft.rfft(c.at(t) - np.mean(c.at(t))) / size for c in channels)
-    power = _smoothed(np.abs(r) ** 2)
-    lines = np.flatnonzero((hz > 0.0) & (hz <= limit) & (power > POWER * power.max()))
-    lines = lines[(lines > SIDE) & (lines + SIDE < len(hz))]
+    side = max(FEWEST_SIDE, round(RESOLUTION_HZ / hz[1]))
+    power = np.convolve(np.abs(r) ** 2, np.ones(2 * side + 1) / (2 * side + 1), mode="same")
+    lines = np.arange(side + 1, len(hz) - side, 2 * side + 1)
+    lines = lines[(hz[lines] <= limit) & (power[lines] > POWER * power.max())]
     if len(lines) < FEWEST_LINES:
         raise IdentificationError(
-            f"{input_.name} to {output.name}: {reference.name} excites {len(lines)} lines in "
-            f"{end - start:.1f} s, {FEWEST_LINES} are the fewest that tell a response"
+            f"{input_.name} to {output.name}: {reference.name} tells {len(lines)} independent lines in "
+            f"{end - start:.1f} s, {FEWEST_LINES} are the fewest that make a response: record longer, or "
+            "move with more frequencies"
         )
-    fits = np.array([_fit(r, np.stack([u, y]), int(k)) for k in lines])
+    fits = np.array([_fit(r, np.stack([u, y]), int(k), side) for k in lines])
     gu, gy, var_u, var_y, cov, linear = fits.T
     std = np.sqrt(ratio_variance(gy, gu, var_y.real, var_u.real, cov))
     seen = (np.abs(gu) > 3.0 * np.sqrt(var_u.real)) & (np.abs(gy) > 3.0 * np.sqrt(var_y.real))
@@ -73,21 +76,21 @@ def local_response(
         hz[lines][seen],
         (gy / gu)[seen],
         std[seen],
-        np.full(int(seen.sum()), float(FREEDOM)),
+        np.full(int(seen.sum()), float(_freedom(side))),
         linear.real[seen],
         notes,
     )
 
 
-def _smoothed(power: Array) -> Array:
-    return np.convolve(power, np.ones(2 * SIDE + 1) / (2 * SIDE + 1), mode="same")
+def _freedom(side: int) -> int:
+    return 2 * side + 1 - 2 * (ORDER + 1)
 
 
-def _fit(r: ComplexArray, both: ComplexArray, line: int) -> ComplexArray:
+def _fit(r: ComplexArray, both: ComplexArray, line: int, side: int) -> ComplexArray:
     """At one line: responses of input and output to the reference, their variances and covariance,
     and the share of the output near it that is linear."""
-    near = slice(line - SIDE, line + SIDE + 1)
-    offset = np.arange(-SIDE, SIDE + 1) / SIDE
+    near = slice(line - side, line + side + 1)
+    offset = np.arange(-side, side + 1) / side
     powers = offset[:, None] ** np.arange(ORDER + 1)
     rows = np.hstack([powers * r[near, None], powers])
     scale = np.linalg.norm(rows, axis=0)
@@ -96,7 +99,7 @@ def _fit(r: ComplexArray, both: ComplexArray, line: int) -> ComplexArray:
     target = both[:, near].T
     x = np.linalg.lstsq(triangle, q.conj().T @ target, rcond=1e-10)[0] / scale[:, None]
     left = target - rows @ x
-    noise = left.conj().T @ left / FREEDOM
+    noise = left.conj().T @ left / _freedom(side)
     first = np.linalg.pinv(rows.conj().T @ rows, rcond=1e-12, hermitian=True)[0, 0].real
     total = float(np.sum(np.abs(target[:, 1]) ** 2))
     linear = 1.0 - float(np.sum(np.abs(left[:, 1]) ** 2)) / total if total > 0.0 else 0.0

@@ -156,14 +156,20 @@ def _start(
         else np.geomspace(hz[0], 10.0 * hz[-1], FREQUENCIES).tolist()
     )
     best, best_cost = {"gain": 1.0}, np.inf
+    turns = np.exp(-2j * np.pi * np.outer(delays, hz))
     for frequency in frequencies:
-        shape = second_order(hz, 1.0, frequency, damping, 0.0) * factor
-        for delay in delays:
-            m = shape * np.exp(-2j * np.pi * hz * delay)
-            power = float(np.sum(np.abs(m / sigma) ** 2))
-            gain = fixed.get("gain", float(np.sum((g * m.conj()).real / sigma**2)) / power)
-            cost = float(np.sum(np.abs((gain * m - g) / sigma) ** 2))
-            if cost < best_cost:
-                best_cost = cost
-                best = {"gain": gain, "frequency": frequency, "damping": damping, "delay": delay}
+        m = turns * (second_order(hz, 1.0, frequency, damping, 0.0) * factor / sigma)
+        power = np.sum(np.abs(m) ** 2, axis=1)
+        gains = np.real(m.conj() @ (g / sigma)) / power
+        gains = np.full(len(gains), fixed["gain"]) if "gain" in fixed else gains
+        cost = np.sum(np.abs(gains[:, None] * m - g / sigma) ** 2, axis=1)
+        k = int(np.argmin(cost))
+        if cost[k] < best_cost:
+            best_cost = float(cost[k])
+            best = {
+                "gain": float(gains[k]),
+                "frequency": frequency,
+                "damping": damping,
+                "delay": float(delays[k]),
+            }
     return best

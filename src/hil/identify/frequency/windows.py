@@ -91,9 +91,10 @@ def _find_window(
             )
         return None
     first = max(stretch[0], *(c.span_s[0] for c in others))
-    last = min(stretch[1], *(c.span_s[1] for c in others)) + 1e-6
+    # A period ends where the sample after its last one would stand.
+    last = min(stretch[1] + step, *(c.span_s[1] + 1.0 / c.rate_hz for c in others))
     first += period * max(1, math.ceil(SETTLE_S / period))
-    periods = math.floor((last - first) / period)
+    periods = math.floor((last - first) / period + 1.0e-6)
     if periods < FEWEST_PERIODS:
         raise IdentificationError(
             f"{name}: of {reference.name}, which repeats from {stretch[0]:.2f} to {stretch[1]:.2f} s every "
