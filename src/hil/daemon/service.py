@@ -159,11 +159,13 @@ def own_executable() -> Path:
 
 
 def _require_reachable(executable: Path) -> None:
-    for path in (executable, Path(__file__)):
+    # The interpreter itself counts too: a Python of pyenv or uv lies in somebody's home.
+    for path in (executable, executable.parent / "python", Path(__file__)):
         if str(path.resolve()).startswith(tuple(f"{hidden}/" for hidden in _HIDDEN)):
             raise HilError(
-                f"{path}: a service sees nothing below {', '.join(_HIDDEN)}; install hil elsewhere, "
-                "as `make install` does (into /opt/hil), and call that one's `hil service install`"
+                f"{path.resolve()}: a service sees nothing below {', '.join(_HIDDEN)}; install hil elsewhere "
+                "with the system's Python, as `make install PYTHON=/usr/bin/python3.11` does (into "
+                "/opt/hil), and call that one's `hil service install`"
             )
 
 
