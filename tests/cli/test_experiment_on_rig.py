@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 
 from hil.cli.app import app
 from hil.client import RigClient
+from hil.config import RigFile
+from hil.configfile import load_rig, parse_settings, rig_toml
 from hil.errors import CommandRefused, RigNotReached
 from hil.identify.experiments import experiment_of
 from hil.runs import load_run, read_cue_file
@@ -33,15 +35,20 @@ def reached(endpoint: str) -> RigClient:
 
 @pytest.fixture
 def daemon(tmp_path):
-    """Simulated rig and daemon of the axis; gives endpoint and folder of runs."""
+    """Simulated rig and daemon of the axis; gives endpoint, rig file and folder of runs."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    patient = load_rig("axis").model_dump()
+    patient["safety"].update(overrun_cycles=100, answer_timeout=1.0, drive_watchdog=1.0)
+    patient["cue"]["stale"] = 1.0  # a busy machine is not what is tested here
+    rig = tmp_path / "patient.toml"
+    rig.write_text(rig_toml(parse_settings(patient, RigFile, "axis")))
     bus, runs = f"hub:{tmp_path / 'bus.sock'}", tmp_path / "runs"
     hil = [sys.executable, "-m", "hil"]
     commands = (
-        ["simulate", "axis", "--hub", "--can", bus],
-        ["run", "axis", "--can", bus, "--listen", endpoint, "--runs", str(runs)],
+        ["simulate", str(rig), "--hub", "--can", bus],
+        ["run", str(rig), "--can", bus, "--listen", endpoint, "--runs", str(runs)],
     )
     with ExitStack() as stack:
         log = stack.enter_context((tmp_path / "log.txt").open("w"))
@@ -52,12 +59,12 @@ def daemon(tmp_path):
             end_s = time.monotonic() + START_S
             while not (tmp_path / "bus.sock").exists() and time.monotonic() < end_s:
                 time.sleep(0.1)
-        yield endpoint, runs
+        yield endpoint, rig, runs
 
 
 def test_an_armed_rig_plays_an_experiment_and_parks(daemon):
-    endpoint, runs = daemon
-    step = ["experiment", "axis", "step", "--count", "1", "--hold", "0.3"]
+    endpoint, rig, runs = daemon
+    step = ["experiment", str(rig), "step", "--count", "1", "--hold", "0.3"]
     step += ["--endpoint", endpoint, "--runs", str(runs)]
     with reached(endpoint) as client:
         refused = run(app, step)

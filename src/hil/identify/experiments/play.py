@@ -42,7 +42,7 @@ def play_simulated(
     """Play on the simulated rig in simulated time; returns the run folder.
 
     `effects` are given to the simulated rig only: the rig file kept with the run does not know them.
-    CommandRefused where the rig did not stay in motion to the end.
+    CommandRefused where the rig did not stay in motion to the end; such a run gets no description.
     """
     troubles: list[str] = []
 
@@ -60,16 +60,16 @@ def play_simulated(
         note=note or _note(design),
         on_record=watch,
     )
+    if troubles:
+        raise CommandRefused(
+            f"{rig.name} did not play the motion to its end: {troubles[0]} ({folder})"
+        )
     names = tuple(
         f"{e.location}.{e.effect}.{p}={value!r}"
         for e in effects
         for p, value in e.parameters.items()
     )
     _keep(folder, design, rig, Played(on="simulated", start_s=0.0, seed=seed, effects=names))
-    if troubles:
-        raise CommandRefused(
-            f"{rig.name} did not play the motion to its end: {troubles[0]} ({folder})"
-        )
     return folder
 
 
@@ -85,7 +85,8 @@ def play_on_rig(
     """Stream to the daemon that `client` is connected to, at `endpoint`; park; returns the run folder.
 
     `runs` is the folder into which that daemon records, as seen from here; it begins a recording for
-    the experiment alone. CommandRefused where the rig is not armed, or leaves motion before the end.
+    the experiment alone. CommandRefused where the rig is not armed, or leaves motion before the end:
+    such a run gets no description.
     """
     _need_motion(client, rig)
     before = _folders(runs)
@@ -144,15 +145,17 @@ def _note(design: Design) -> str:
 def _stream(
     design: Design, rig: RigFile, client: RigClient, on_progress: Callable[[float], None]
 ) -> None:
+    events = client.events()
     start_s = time.monotonic()
     for cue in experiment_cues(design.trajectory, rig, CLIENT):
         time.sleep(max(0.0, start_s + cue.t_client_s - time.monotonic()))
         client.cues(cue_message(cue, rig.coordinates).poses, start_s + cue.t_client_s)
         state = client.state()
         if state is not None and state.state not in MOVING:
-            why = f": {state.fault}" if state.fault else ""
+            told = [e.text for e in events.waiting() if e.severity != "info"]
+            why = "; ".join(filter(None, (state.fault, *told[-3:]))) or "it was told to"
             raise CommandRefused(
-                f"{rig.name} went to {state.state} {cue.t_client_s:.1f} s into the motion{why}"
+                f"{rig.name} went to {state.state} {cue.t_client_s:.1f} s into the motion: {why}"
             )
         on_progress(cue.t_client_s)
 
