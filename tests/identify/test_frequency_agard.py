@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from hil.configfile import load_rig
-from hil.errors import IdentificationError
+from hil.errors import IdentificationError, RunError
 from hil.identify.frequency.acceleration import Acceleration
-from hil.identify.frequency.agard import agard, excursions
+from hil.identify.frequency.agard import AgardAnalysis, agard, excursions
 from hil.identify.frequency.agard_sines import measure_sine
 from hil.identify.frequency.agard_steps import acceleration_steps, find_steps, measure_steps
 from hil.identify.frequency.windows import Window
+from hil.ui.agard_report import agard_page
 from tests.identify.frequency_data import AXIS, axis_run, sampled
 
 HZ, SIZE = 0.5, 0.05
@@ -163,6 +164,20 @@ def test_runs_that_are_neither_sinusoid_nor_steps_are_refused():
     still = axis_run("still", lambda t: 0.0 * t, lambda t: 0.0 * t, rng)
     with pytest.raises(IdentificationError, match="its cues move no coordinate"):
         agard([still], AXIS)
+
+
+def test_the_page_shows_sinusoids_and_steps(tmp_path):
+    cue, imu = steps_run(0.03)
+    steps = measure_steps("steps", "heave", find_steps(cue), Acceleration(imu, 0, "m/s²"))
+    analysis = AgardAnalysis(
+        RIG.name, excursions(RIG), (sine(noise=0.01),), tuple(steps), ("a < b",)
+    )
+    text = agard_page(analysis, tmp_path / "page.html").read_text(encoding="utf-8")
+    body = text.split("</script>", 1)[1]
+    for said in ("Dynamic threshold", "reversal bump", "0.493 m/s²", "a &lt; b"):
+        assert said in body
+    with pytest.raises(RunError, match="cannot be written"):
+        agard_page(analysis, tmp_path)
 
 
 def test_without_an_imu_the_pose_tells_what_it_can():

@@ -19,7 +19,8 @@ from hil.identify.frequency.frf import FrfAnalysis, analyse
 from hil.identify.frequency.results import agard_json, frf_json
 from hil.runs import load_run
 from hil.runs.cuefile import write_cue_file
-from hil.ui.frequency_report import agard_page, frf_page
+from hil.ui.agard_report import agard_page
+from hil.ui.frequency_report import frf_page
 
 RunsArgument = Annotated[
     list[Path],
