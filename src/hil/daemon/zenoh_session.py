@@ -25,7 +25,7 @@ from hil.messages import LARGEST_PAYLOAD
 INBOX: Final = 512
 """Messages that may wait for the loop; more than the worst client sends while it writes a chunk."""
 
-LEAVING_S: Final = 5.0
+LEAVING_S: Final = 2.0
 """A taken endpoint may be that of the daemon before us, whose gateway still ends its recording."""
 
 
