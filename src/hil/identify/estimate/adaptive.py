@@ -17,6 +17,8 @@ from hil.identify.estimate.regression import Regression
 
 Array = NDArray[np.float64]
 LIMIT = 2.0
+DIVERGED = 1e9
+"""Of a parameter's scale."""
 
 
 class AdaptiveGradient:
@@ -99,13 +101,13 @@ def adapt(
         total = np.zeros(len(scale))
         for row, measured in zip(Y, tau, strict=True):
             law.update(row, measured, 1.0 if dt_s is None else dt_s)
+            if not np.all(np.abs(law.values) < DIVERGED):
+                bound = stability_bound_s(Y, np.full(len(scale), gain))
+                raise IdentificationError(
+                    f"the adaptive law diverges: dt eig(K Y'Y) reached {law.worst:.3g}, stable is below "
+                    f"{LIMIT:g}. Take steps below {bound:.3g} s, a smaller gain, or the normalised law"
+                )
             total += law.values
-        if not np.all(np.abs(law.values) < 1e9):
-            bound = stability_bound_s(Y, np.full(len(scale), gain))
-            raise IdentificationError(
-                f"the adaptive law diverges: dt eig(K Y'Y) reached {law.worst:.3g}, stable is below "
-                f"{LIMIT:g}. Take steps below {bound:.3g} s, a smaller gain, or the normalised law"
-            )
         history[k] = total / len(Y)
     before = history[-2] if passes > 1 else problem.nominal / scale
     return AdaptiveRun(

@@ -1,10 +1,11 @@
-"""What an estimator makes of data whose truth is known: bias and spread of the whole chain, by the twin.
+"""What sampling, filter and bus make of a force that the linear model does not know, by the twin.
 
-The twin replays the setpoints with the estimate as its truth and goes through the same filter and the same
-estimator (indirect inference: Gourieroux, Monfort, Renault 1993 [M]). That shows what no residual shows:
-drives are sampled in step with the setpoints, so a force that pulses at every new setpoint is always caught
-in the same phase, which looks like friction and inertia that are not there; Coulomb friction has corners;
-filters meet nonlinear terms.
+The twin replays the setpoints with the estimate as its truth; its answers go through the same filter, and
+what the linear model with that truth leaves of them is an artefact, which is taken off the measured force
+(indirect inference in one step: Gourieroux, Monfort, Renault 1993 [M]). No residual shows it: drives are
+sampled in step with the setpoints, so a force that pulses at every new setpoint is always caught in the
+same phase, which looks like friction and inertia that are not there; Coulomb friction has corners; filters
+meet nonlinear terms.
 
 When exactly a setpoint got through the bus, no record says: stamps are of sending, and frames of others go
 first. So replays draw other arrival times, each counts by how well its forces fit the measured ones, and
@@ -32,59 +33,56 @@ FRAME_BITS: Final = 125
 
 
 ROUNDS: Final = 3
-"""Corrections at the recorded timing: the bias depends a little on where it is taken."""
+"""Corrections at the recorded arrival times: the artefact depends a little on the truth."""
 TRUST: Final = 10.0
 """Independent samples that the fit of a replay is taken for when timings are weighed: few, for a twin that
 is wrong elsewhere must not make one timing certain [R]."""
 
 
+Artefact = Callable[[Array, np.random.Generator | None], tuple[Array, float]]
+"""(force (N, n) that the linear model does not know, misfit) of the twin with parameters (P,), at the
+recorded arrival times (None) or at drawn ones."""
+
+
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Bias (P,) of the estimator and covariance (P, P) of what the arrival times change."""
+    """Force (N, n) to take off the measured one; shift (P,) and covariance (P, P) by arrival times."""
 
-    bias: Array
-    covariance: Array
-    best: list[Stretch] | None = None
-    """What the twin answered at the timing that fits best."""
+    artefact: Array
+    shift: Array
+    timing: Array
 
 
 def calibrate(
-    pieces: Sequence[Stretch],
-    replay: Callable[[Array, np.random.Generator | None], tuple[Array, list[Stretch]]],
-    estimate: Callable[[Sequence[Stretch]], Array],
-    values: Array,
-    draws: int,
-    seed: int,
+    artefact: Artefact, estimate: Callable[[Array], Array], start: Array, draws: int, seed: int
 ) -> Calibration:
-    """Calibrate `estimate`, whose answer to `pieces` was `values` (P,), with `draws` replays.
+    """Artefact at the truth that `estimate` finds without it; `estimate(artefact)` gives parameters (P,).
 
-    `replay(values, rng)`: the truth (P,) it took, and what the twin answers with it to setpoints as they
-    were recorded (rng None) or at drawn arrival times.
+    `draws` of the arrival times, the first being the recorded ones; `start` (P,) a first guess.
     """
-    better = values
+    truth = start
     for _ in range(ROUNDS):
-        truth, answers = replay(better, None)
-        error = estimate(answers) - truth
-        better = values - error
-    shifts, misfits, best = [error], [misfit(pieces, answers)], answers
+        best, least = artefact(truth, None)
+        truth = estimate(best)
+    found, misfits = [truth], [least]
     rng = np.random.default_rng(seed)
     for _ in range(draws - 1):
-        truth, answers = replay(better, rng)
-        shifts.append(estimate(answers) - truth)
-        misfits.append(misfit(pieces, answers))
-        if misfits[-1] <= min(misfits):
-            best = answers
-    found = weigh(np.array(shifts), np.array(misfits))
-    return replace(found, best=best)
+        drawn, far = artefact(truth, rng)
+        found.append(estimate(drawn))
+        misfits.append(far)
+        if far < least:
+            best, least = drawn, far
+    mean, timing = weigh(np.array(found), np.array(misfits))
+    return Calibration(best, mean - estimate(best), timing)
 
 
-def weigh(shifts: Array, misfits: Array) -> Calibration:
-    """Mean and spread of `shifts` (B, P), each by how well its timing fits (`misfits` (B,))."""
+def weigh(shifts: Array, misfits: Array) -> tuple[Array, Array]:
+    """Mean (P,), covariance (P, P) of `shifts` (B, P), each by how well its timing fits: `misfits` (B,)."""
     weight = np.exp(-TRUST * (misfits - misfits.min()))
     weight /= weight.sum()
-    bias = weight @ shifts
-    apart = shifts - bias
-    return Calibration(bias, (apart * weight[:, None]).T @ apart)
+    mean = weight @ shifts
+    apart = shifts - mean
+    return mean, (apart * weight[:, None]).T @ apart
 
 
 def misfit(pieces: Sequence[Stretch], answers: Sequence[Stretch]) -> float:

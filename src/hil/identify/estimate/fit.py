@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from hil.config import RigFile
 from hil.errors import IdentificationError
 from hil.identify.estimate import linear
 from hil.identify.estimate.adaptive import adapt
-from hil.identify.estimate.calibration import Calibration, calibrate, simulated
+from hil.identify.estimate.calibration import calibrate, misfit, simulated
 from hil.identify.estimate.checks import (
     check_force,
     check_motion,
@@ -120,41 +120,43 @@ def identify_linear(
     if method == "iv":
         instruments = problem_of(simulated(rig, pieces, {}))
     found = linear.weighted(problem, instruments)
-    if method == "ols":
-        found = linear.ordinary(problem)
-    values, covariance, widening = found.values, found.covariance, np.zeros_like(found.covariance)
-    if method == "adaptive":
-        run = adapt(problem, found.sigma_n)
-        values = run.values
-        widening = np.diag((values - found.values) ** 2)
-        covariance = covariance + widening
-        notes.append(
-            f"adaptive law: dt eig(K Y'Y) up to {run.worst:.3g} (stable below 2); last pass moved no "
-            f"parameter by more than {100 * run.settled.max():.2g} % of its size; intervals are those of "
-            "weighted least squares, widened by what the law still lacks"
-        )
+    sigma_n = np.ones_like(found.sigma_n) if method == "ols" else found.sigma_n
+    shift, timing = np.zeros_like(found.values), np.zeros_like(found.covariance)
     if options.draws and replayable:
+        before = linear.solve(problem, sigma_n, instruments).values
 
-        def estimate(some: Sequence[Stretch]) -> Array:
-            return linear.solve(problem_of(some), found.sigma_n, instruments).values
+        def artefact(at: Array, rng: np.random.Generator | None) -> tuple[Array, float]:
+            truth, own, effects = nearest_rig(rig, problem, at)
+            answers = simulated(with_numbers(rig, own), pieces, effects, rng)
+            clean = problem_of(answers)
+            return clean.y - clean.W @ truth, misfit(pieces, answers)
 
-        calibration = _calibration(rig, pieces, problem, values, options, estimate)
-        values = values - calibration.bias
-        if calibration.best is not None:
-            foreseen = linear.solve(
-                problem_of(calibration.best), found.sigma_n, instruments
-            ).residual
-            found = linear.solve(problem, found.sigma_n, instruments, foreseen)
-            covariance = found.covariance + widening
-        covariance = covariance + calibration.covariance
-        worst = float((np.abs(calibration.bias) / problem.scale).max())
+        def estimate(force: Array) -> Array:
+            corrected = replace(problem, y=problem.y - force)
+            return linear.solve(corrected, sigma_n, instruments).values
+
+        calibration = calibrate(artefact, estimate, before, options.draws, options.seed)
+        problem = replace(problem, y=problem.y - calibration.artefact)
+        shift, timing = calibration.shift, calibration.timing
+        after = linear.solve(problem, sigma_n, instruments).values + shift
         notes.append(
-            "corrected by the twin: sampling and bus timing bias this estimator by up to "
-            f"{worst:.1%} of a parameter's size"
+            "corrected by the twin: sampling and bus timing had shifted these estimates by up to "
+            f"{float((np.abs(after - before) / problem.scale).max()):.1%} of a parameter's size"
         )
     elif options.draws:
         notes.append(
             "not corrected by the twin, for the runs hold no setpoints: intervals know of noise alone"
+        )
+    found = linear.solve(problem, sigma_n, instruments)
+    values, covariance = found.values + shift, found.covariance + timing
+    if method == "adaptive":
+        run = adapt(problem, found.sigma_n)
+        covariance = covariance + np.diag((run.values - found.values) ** 2)
+        values = run.values + shift
+        notes.append(
+            f"adaptive law: dt eig(K Y'Y) up to {run.worst:.3g} (stable below 2); last pass moved no "
+            f"parameter by more than {100 * run.settled.max():.2g} % of its size; intervals are those of "
+            "weighted least squares, widened by what the law still lacks"
         )
     analysis = analyse(problem.names, covariance, problem.scale)
     rows = [(c.name, c.unit, c.nominal, c.scale) for c in problem.columns]
@@ -172,26 +174,19 @@ def identify_linear(
     )  # fmt: skip
 
 
-def _calibration(
-    rig: RigFile,
-    pieces: Sequence[Stretch],
-    problem: Regression,
-    values: Array,
-    options: LinearOptions,
-    estimate: Callable[[Sequence[Stretch]], Array],
-) -> Calibration:
-    """Bias and spread at the estimate; at the rig file's values where no rig could have the estimate."""
-
-    def replay(at: Array, rng: np.random.Generator | None) -> tuple[Array, list[Stretch]]:
+def nearest_rig(
+    rig: RigFile, problem: Regression, values: Array
+) -> tuple[Array, dict[str, float], dict[str, float]]:
+    """(parameters (P,), numbers of the rig file, effects) of a rig that can be, as near to `values` as
+    halving the way from the rig file comes."""
+    for share in (1.0, 0.5, 0.25, 0.0):
+        at = problem.nominal + share * (values - problem.nominal)
         own, effects, possible = as_rig_values(rig, problem.names, at)
-        if not possible:
-            at = problem.nominal
-            own, effects, _ = as_rig_values(rig, problem.names, at)
-        given = {**own, **effects}
-        truth = np.array([given.get(n, v) for n, v in zip(problem.names, at, strict=True)])
-        return truth, simulated(with_numbers(rig, own), pieces, effects, rng)
-
-    return calibrate(pieces, replay, estimate, values, options.draws, options.seed)
+        if possible:
+            break
+    given = {**own, **effects}
+    truth = np.array([given.get(n, v) for n, v in zip(problem.names, at, strict=True)])
+    return truth, own, effects
 
 
 def as_rig_values(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import RigFile
-from hil.identify.estimate.calibration import Calibration, redrawn, weigh
+from hil.identify.estimate.calibration import redrawn, weigh
 from hil.identify.estimate.directions import UNTOLD, analyse
 from hil.identify.estimate.fit import Curves, Outcome, checked
 from hil.identify.estimate.gridsearch import grid_search
@@ -68,10 +68,8 @@ def identify_twin(runs: Sequence[Run], rig: RigFile, options: TwinOptions | None
                 f"best one: {_ranges(problem, options.grid, found.alike)}"
             )
     best = best or fit(problem)
-    timing = timing_spread(rig, pieces, problem, best, options)
-    best = replace(
-        best, values=best.values - timing.bias, covariance=best.covariance + timing.covariance
-    )
+    shift, spread = timing_spread(rig, pieces, problem, best, options)
+    best = replace(best, values=best.values - shift, covariance=best.covariance + spread)
     return Outcome(
         identification_of(problem, best, method, tuple(r.path.name for r in runs), notes),
         _curves(rig, pieces, problem, best),
@@ -84,8 +82,11 @@ def timing_spread(
     problem: TwinProblem,
     best: OutputErrorFit,
     options: TwinOptions,
-) -> Calibration:
-    """How arrival times that the record leaves open would shift the fit, to first order."""
+) -> tuple[Array, Array]:
+    """Mean (P,) and covariance (P, P) of shifts of the fit by arrival times that the record leaves open.
+
+    To first order.
+    """
     reference = problem.predict(best.values[None, :])[0]
     scale, slopes = problem.scale, problem.jacobian(best.values)
     gain = np.linalg.pinv(best.jacobian * scale, rcond=1e-7)

@@ -20,6 +20,8 @@ from hil.identify.estimate.regression import Regression
 Array = NDArray[np.float64]
 LEAST_LAG_S_HZ: Final = 2.5
 """Lags up to this over f_c always count: the filter itself correlates that far."""
+FIXED_B: Final = 2.9694 / 1.96
+"""What the lag's share of the record adds to a 95 % interval: Kiefer and Vogelsang 2005, Bartlett [M]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +43,8 @@ class LinearFit:
         return max(self.effective - len(self.values), 3.0)
 
 
-def solve(
-    problem: Regression,
-    sigma_n: Array,
-    instruments: Regression | None = None,
-    foreseen: Array | None = None,
-) -> LinearFit:
+def solve(problem: Regression, sigma_n: Array, instruments: Regression | None = None) -> LinearFit:
     """p of (Z'W) p = Z'y, rows of actuator i weighed by 1 / sigma_n[i]; Z = W unless `instruments` are given.
-
-    `foreseen` (N, n), N: residuals that are no chance, for the twin has them too; what is left of the
-    residuals without them makes the covariance, where that is less.
 
     A direction of p that no row sees comes out at the rig file's values, with an infinite variance.
     IdentificationError where nothing moved.
@@ -73,13 +67,8 @@ def solve(
     step = inverse @ np.einsum("tip,ti->p", Z * scale, left)
     values = problem.nominal + scale * step
     error = (left - W @ (scale * step)) * keep
-    chance = error
-    if foreseen is not None:
-        left_over = error - np.nan_to_num(foreseen) * weight
-        if np.sum(left_over**2) < np.sum(error**2):
-            chance = left_over
-    moments = np.einsum("tip,ti->tp", Z * scale, chance)
-    lag = _lag(problem, chance)
+    moments = np.einsum("tip,ti->tp", Z * scale, error)
+    lag = _lag(problem, error)
     S = sum(
         (
             long_run(moments[a:b], lag)
@@ -90,8 +79,9 @@ def solve(
     covariance = inverse @ S @ inverse.T
     covariance += 1e16 * Vt[~seen].T @ Vt[~seen]
     rows = int(keep.sum())
-    effective = rows / _inflation(problem, chance, lag)
+    effective = rows / _inflation(problem, error, lag)
     covariance *= effective / max(effective - seen.sum(), 1.0)
+    covariance *= (1.0 + FIXED_B * lag / len(error)) ** 2
     residual = np.where(keep, error * sigma_n, np.nan)
     return LinearFit(
         values,

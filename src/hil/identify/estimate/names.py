@@ -12,7 +12,7 @@ feed-forward). The effects of `hil.sim.parameters` ("platform.payload_mass.mass"
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -93,7 +93,7 @@ def with_numbers(rig: RigFile, values: Mapping[str, float]) -> RigFile:
     bus: dict[str, float] = {}
     for name, value in values.items():
         if name not in _all(rig):
-            raise _unknown(rig, name)
+            raise unknown(rig, name)
         head, _, field = name.partition(".")
         if name == "mass.m":
             mass["m"] = value
@@ -142,7 +142,7 @@ def _all(rig: RigFile) -> tuple[str, ...]:
 
 def _read(rig: RigFile, name: str) -> float:
     if name not in _all(rig):
-        raise _unknown(rig, name)
+        raise unknown(rig, name)
     head, _, field = name.partition(".")
     if name == "mass.m":
         return rig.mass.m
@@ -158,9 +158,10 @@ def _read(rig: RigFile, name: str) -> float:
     return float(np.mean(values))
 
 
-def _unknown(rig: RigFile, name: str) -> ConfigError:
-    near = difflib.get_close_matches(name, _all(rig), 3)
+def unknown(rig: RigFile, name: str, more: Iterable[str] = ()) -> ConfigError:
+    """The error for a name that neither the rig file nor `more` has."""
+    near = difflib.get_close_matches(name, (*_all(rig), *more), 3)
     hint = f"; nearest: {', '.join(near)}" if near else ""
     return ConfigError(
-        f"{rig.name}: {name!r} is no number of its rig file that can be fitted{hint}"
+        f"{rig.name}: {name!r} is nothing of its rig file or model that can be fitted{hint}"
     )

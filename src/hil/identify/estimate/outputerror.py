@@ -22,7 +22,7 @@ from hil.identify.estimate.twinproblem import TwinProblem
 Array = NDArray[np.float64]
 ORDER: Final = 8
 """Most terms of a residual's autoregression."""
-ROUNDS: Final = 3
+ROUNDS: Final = 2
 """Fits, each with the noise model of the one before."""
 STEPS: Final = 8
 SHARES: Final = (1.0, 0.5, 0.2, 0.05)
@@ -188,6 +188,8 @@ def _minimise(
         if pushes.any():  # what presses against a bound stays there
             slopes[:, pushes] = 0.0
             step, deviation = _step(slopes, residual)
+        if np.all(np.abs(step) < SETTLED * deviation):
+            break
         step = step / max(1.0, float(np.abs(step).max()))
         rows = np.tile(values, (len(SHARES), 1))
         rows[:, free] += np.outer(SHARES, step * scale[free])
@@ -198,8 +200,6 @@ def _minimise(
         if not costs[best] < float(residual @ residual):
             break
         values, residual = rows[best], errors[best]
-        if np.all(np.abs(SHARES[best] * step) < SETTLED * deviation):
-            break
     return values
 
 

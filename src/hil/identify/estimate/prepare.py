@@ -42,7 +42,8 @@ class Prepared:
     force: Array
     """(N, n) measured actuator force, N."""
     sign: Array
-    """(N, n) sign of the speed, sampled where the force was and filtered as the force."""
+    """(N, n) sign of the speed, sampled where the force was and filtered as the force. It runs straight from
+    -1 to 1 where the speed is within its noise: a sign that noise tosses would be noise itself."""
     moving: Mask
     """(N, n) False at standstill, where friction may be anything."""
     body: Array
@@ -108,7 +109,7 @@ def prepare(stretch: Stretch, rig: RigFile, cutoff_hz: float) -> Prepared:
         speed = x.derivative(1)(inside)
         slowest[i] = standstill_m_s(rig, cutoff_hz, position[i][1])
         for target, column in (
-            (sign, np.sign(speed)),
+            (sign, np.clip(speed / slowest[i], -1.0, 1.0)),
             (share, (np.abs(speed) > slowest[i]).astype(float)),
         ):
             target[:, i] = low_pass.spline(t, column, f"{stretch.name}: force")(grid - at_force)

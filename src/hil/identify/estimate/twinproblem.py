@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.errors import ConfigError, IdentificationError
-from hil.identify.estimate.names import Number, is_rig_number, number, with_numbers
+from hil.identify.estimate.names import Number, is_rig_number, number, unknown, with_numbers
 from hil.identify.replay import Stretch, replay_of
 from hil.sim import layout as lay
 from hil.sim.model import add_payload, pack_model, split
@@ -128,7 +128,10 @@ class TwinProblem:
     def _number(self, name: str) -> Number:
         if is_rig_number(self.rig, name):
             return number(self.rig, name)
-        p = self.table[name]
+        entries = {p.name: p for p in self.table.entries}
+        if name not in entries:
+            raise unknown(self.rig, name, entries)
+        p = entries[name]
         if p.search != "linear":
             raise ConfigError(
                 f"{self.rig.name}: {name} is infinite where it vanishes; the gap diagnosis fits it"
