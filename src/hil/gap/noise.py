@@ -1,0 +1,240 @@
+"""The noise floor: what a residual would be with no gap at all, and how to weigh residuals by it.
+
+Two sources, and the model says which it used. Repeats: where the same motion was played again (periods of
+an experiment, or runs that repeat each other), half the difference of the residuals of two repeats is
+noise and nothing else, whatever its cause. Otherwise a noise model: records drawn from the twin itself
+with the rig file's sensors and bus (`hil.gap.timing`). How well setpoint stamps tell the drives' ticks is
+not in a rig file; it is read from the fine structure of the residual, bounded by what the bus can do.
+
+Residuals are whitened by the spread that the draws have at each instant (timing noise grows with speed
+and acceleration) and by the inverse of the draws' own autoregression: the floor's, never the gap's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+from hil.gap.problem import Problem
+from hil.gap.repeats import Repeats
+from hil.gap.timing import at_ticks, draws, fine_structure, longest_wait_s, sensor_sigma
+
+Array = NDArray[np.float64]
+
+DRAWS: Final = 10
+WINDOW_S: Final = 0.3
+"""Over which the spread of the draws is averaged in time."""
+ORDER: Final = 6
+LEVELS: Final = (0.0, 0.25, 0.5, 1.0)
+VISIBLE: Final = 1.5
+"""Timing shows at samples where it makes the noise so many times the sensor's."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseModel:
+    """The floor of a problem: draws (D, N) of residuals without a gap, in the signals' units."""
+
+    source: Literal["repeats", "model"]
+    text: str
+    draws: Array
+    sigma: Array
+    """(N,) spread of a residual without a gap at each sample."""
+    ar: tuple[Array, ...]
+    """Of each series: terms of the autoregression of draws over sigma."""
+    gain: tuple[float, ...]
+    """Of each series: spread of one step of that autoregression, so that whitened noise is 1."""
+
+    def whiten(self, problem: Problem, flat: Array) -> Array:
+        """(N, ...) residuals or sensitivities as they count: without a gap independent, spread 1.
+
+        Samples that are not judged come out 0.
+        """
+        shape = (-1, *([1] * (flat.ndim - 1)))
+        z = flat / self.sigma.reshape(shape) * problem.kept.reshape(shape)
+        out = np.empty_like(z)
+        for x, ar, gain in zip(problem.series, self.ar, self.gain, strict=True):
+            out[x.part] = lfilter(np.concatenate([[1.0], -ar]) / gain, [1.0], z[x.part], axis=0)
+        return np.asarray(out * problem.kept.reshape(shape))
+
+    def floor(self, problem: Problem) -> dict[str, float]:
+        """Root mean square of the draws of each signal over its judged samples."""
+        out = {}
+        for signal in problem.signals:
+            total, count = 0.0, 0
+            for x in problem.series:
+                if x.signal == signal:
+                    kept = self.draws[:, x.part][:, problem.kept[x.part]]
+                    total += float(np.sum(kept**2))
+                    count += kept.size
+            out[signal] = float(np.sqrt(total / max(count, 1)))
+        return out
+
+
+def sensors_only(problem: Problem) -> NoiseModel:
+    """A first guess: the sensors of the rig file and nothing else."""
+    sigma = np.empty(problem.size)
+    for x in problem.series:
+        sigma[x.part] = sensor_sigma(problem.rig, x)
+    none = tuple(np.empty(0) for _ in problem.series)
+    return NoiseModel(
+        "model", "sensors of the rig file", np.empty((0, problem.size)), sigma, none,
+        (1.0,) * len(problem.series),
+    )  # fmt: skip
+
+
+def from_draws(
+    problem: Problem, drawn: Array, source: Literal["repeats", "model"], text: str
+) -> NoiseModel:
+    """Spread and autoregression of `drawn` (D, N)."""
+    sigma = np.empty(problem.size)
+    terms, gains = [], []
+    for x in problem.series:
+        part = drawn[:, x.part]
+        t = problem.t_s[x.part]
+        power = np.mean(part**2, axis=0)
+        width = max(round(WINDOW_S / max(float(np.median(np.diff(t))), 1e-6)), 1)
+        window = np.ones(2 * width + 1)
+        smooth = np.convolve(power, window, "same") / np.convolve(np.ones(len(t)), window, "same")
+        sigma[x.part] = np.sqrt(np.maximum(smooth, (0.3 * sensor_sigma(problem.rig, x)) ** 2))
+        kept = problem.kept[x.part]
+        ar, gain = _autoregression((part / sigma[x.part])[:, kept])
+        terms.append(ar)
+        gains.append(gain)
+    return NoiseModel(source, text, drawn, sigma, tuple(terms), tuple(gains))
+
+
+def _autoregression(z: Array) -> tuple[Array, float]:
+    """Terms and step of the autoregression of the rows of `z`, by Yule and Walker [M]."""
+    n = z.shape[1]
+    order = min(ORDER, n // 20)
+    r = np.array([np.mean(np.sum(z[:, k:] * z[:, : n - k], axis=1)) / n for k in range(order + 1)])
+    if order == 0 or not np.any(np.abs(r[1:]) > 4.0 * r[0] / np.sqrt(n * len(z))):
+        return np.empty(0), float(np.sqrt(max(r[0], 1e-12)))
+    damped = r[:-1] + 1e-6 * r[0] * (np.arange(order) == 0)
+    ar = np.asarray(solve_toeplitz(damped, r[1:]))
+    return ar, float(np.sqrt(max(r[0] - ar @ r[1:], 1e-6 * r[0])))
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How setpoints reach the drives, as the fine structure of a residual shows it."""
+
+    smooth: bool
+    """Whether the twin comes nearer with setpoints that act between ticks."""
+    level: float
+    """Share of the longest wait on the bus that arrivals vary by."""
+
+
+def find_timing(
+    problem: Problem, vector: Array, residual: Array, rng: np.random.Generator
+) -> Timing:
+    """Whether stamps tell the drives' ticks, and how much arrivals vary, from where that shows.
+
+    `residual` of the smooth `problem` at `vector`.
+    The ticks' grid is kept where that brings the twin's fine structure nearer to the record; the level is
+    the one whose draws have the record's fine structure.
+    """
+    coarse = problem.with_ticks(smooth=False)
+    ticks = at_ticks(problem, vector)
+    residuals = {True: residual, False: coarse.residual(ticks)}
+    probe = draws(problem, vector, rng, 2)
+    spread = from_draws(problem, probe, "model", "").sigma
+    parts = [
+        (spread[x.part] > VISIBLE * sensor_sigma(problem.rig, x)) & problem.kept[x.part]
+        for x in problem.series
+    ]
+    size = {s: fine_structure(problem, residuals[s], parts) for s in (True, False)}
+    seen = np.array([int(p.sum()) > 30 for p in parts])
+    if not seen.any():
+        return Timing(smooth=True, level=1.0)
+    weight = np.array([float(p.sum()) for p in parts])[seen]
+    ratio = np.log(size[True][seen] / size[False][seen])
+    is_smooth = bool(np.average(ratio, weights=weight) < 0.0)
+    best, at = (problem, vector) if is_smooth else (coarse, ticks)
+    misfit = []
+    for level in LEVELS:
+        drawn = draws(best, at, rng, 1, level)
+        sizes = np.mean([fine_structure(best, d, parts) for d in drawn], axis=0)
+        misfit.append(
+            abs(float(np.average(np.log(size[is_smooth][seen] / sizes[seen]), weights=weight)))
+        )
+    return Timing(is_smooth, LEVELS[int(np.argmin(misfit))])
+
+
+def find_noise(
+    problem: Problem,
+    vector: Array,
+    timing: Timing,
+    rng: np.random.Generator,
+    *,
+    repeats: Sequence[Repeats] = (),
+    residual: Array | None = None,
+    count: int = DRAWS,
+) -> NoiseModel:
+    """The floor at `vector`: the model's draws, set right by repeats of the same motion where there are any.
+
+    `residual` at `vector` is needed where `repeats` are given.
+    """
+    drawn = draws(problem, vector, rng, count, timing.level)
+    wait_us = 1e6 * timing.level * longest_wait_s(problem.rig)
+    ticks = "between the drives' ticks" if timing.smooth else "at the drives' ticks by their stamps"
+    text = (
+        f"noise model: the rig file's sensor noise and rounding, answers' jitter, setpoints that act {ticks} "
+        f"after up to {wait_us:.0f} µs of waiting; {count} records drawn from the twin itself"
+    )
+    if not repeats or residual is None:
+        return from_draws(problem, drawn, "model", text)
+    scaled, factors = _by_repeats(problem, drawn, repeats, residual)
+    what = "; ".join(dict.fromkeys(r.text for r in repeats))
+    low, high = min(factors.values()), max(factors.values())
+    return from_draws(
+        problem,
+        scaled,
+        "repeats",
+        f"{what}: half the difference of their residuals is noise, {low:.2g} to {high:.2g} times the noise "
+        "model, whose shape in time is kept",
+    )
+
+
+def _by_repeats(
+    problem: Problem, drawn: Array, repeats: Sequence[Repeats], residual: Array
+) -> tuple[Array, Mapping[str, float]]:
+    """Draws scaled signal by signal to what repeats differ by."""
+    out = np.array(drawn)
+    factors = {}
+    for signal in problem.signals:
+        measured, modelled, count = 0.0, 0.0, 0
+        for r in repeats:
+            first, second = r.pairs.get(signal, (np.empty(0, int), np.empty(0, int)))
+            measured += float(np.sum((residual[first] - residual[second]) ** 2))
+            modelled += float(
+                np.sum((drawn[:, first] - drawn[:, second]) ** 2) / max(len(drawn), 1)
+            )
+            count += len(first)
+        if count < 50:
+            continue
+        factors[signal] = float(np.sqrt(measured / max(modelled, 1e-300)))
+        for x in problem.series:
+            if x.signal == signal:
+                out[:, x.part] *= factors[signal]
+    return out, factors
+
+
+def projected(model: NoiseModel, problem: Problem, jacobian: Array, prior_sd: Array) -> NoiseModel:
+    """The same floor after each draw had its own nuisances refitted, as the residual has had.
+
+    `jacobian` (N, P) of the nuisances, `prior_sd` (P,).
+    """
+    if not len(prior_sd):
+        return model
+    J = model.whiten(problem, jacobian) * prior_sd
+    white = model.whiten(problem, model.draws.T)
+    step = np.linalg.solve(J.T @ J + np.eye(J.shape[1]), J.T @ white)
+    step = np.clip(step, -3.0, 3.0)
+    return replace(model, draws=model.draws - (jacobian * prior_sd @ step).T)

@@ -1,0 +1,70 @@
+"""Nuisances: what a calibration would set right and no diagnosis should earn by, with how far it may stray.
+
+Each is a parameter of the model that a healthy rig has off its rig file by so much [R]: the standard
+deviation is the prior of the refit, LIMIT times that its bound. What is left beyond the bound is gap, and
+a nuisance at its bound is an alarm: the rig file is wrong there, or an effect pulls at it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from hil.config import AxisGeometry, RigFile
+
+LIMIT: Final = 3.0
+"""Bound of a nuisance in standard deviations of its prior."""
+
+MASS: Final = 0.015
+"""Of the platform's mass: a scale under the rig [R]."""
+COG_M: Final = 0.005
+VISCOUS: Final = 0.10
+"""Of the rig file's own viscous friction: it follows the oil's temperature [R]."""
+DELAY_S: Final = 0.0004
+"""A setpoint's way to its drive: mean wait on the bus and phase of the drive's ticks [R]."""
+FORCE_BIAS: Final = 0.0005
+"""Of the largest force: offset of a current sensor [R], but no less than half the force's noise."""
+TILT_RAD: Final = 0.002
+"""The base against level: a spirit level [R]."""
+IMU_BIAS: Final = 0.5
+"""Of one sample's noise: what is left after the usual zeroing at rest [R]."""
+MISALIGNMENT_RAD: Final = 0.003
+
+
+@dataclass(frozen=True, slots=True)
+class Nuisance:
+    """A parameter by name, with the standard deviation of its prior about the rig file's value."""
+
+    name: str
+    sd: float
+    unit: str
+
+
+def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, ...]:
+    """Mass, its place, viscous friction, delays, level, offsets of forces and of the IMU.
+
+    Only those that the recorded `signals` can feel are given.
+    """
+    known = set(signals)
+    axis = isinstance(rig.geometry, AxisGeometry)
+    out = [Nuisance("platform.payload_mass.mass", MASS * rig.mass.m, "kg")]
+    if not axis:
+        out += [Nuisance(f"platform.payload_cog.{c}", COG_M, "m") for c in "xyz"]
+        out += [Nuisance(f"platform.base_tilt.{c}", TILT_RAD, "rad") for c in ("roll", "pitch")]
+    for a in rig.actuators:
+        sd = max(VISCOUS * a.viscous, 1e-3 * a.force_max)
+        out.append(Nuisance(f"{a.name}.viscous_friction.coefficient", sd, "N·s/m"))
+        if rig.bus.setpoint_delay > 0.0:
+            out.append(Nuisance(f"{a.name}.transport_delay.delay", DELAY_S, "s"))
+        if f"{a.name}.force" in known:
+            sd = max(0.5 * rig.noise.force, FORCE_BIAS * a.force_max)
+            out.append(Nuisance(f"{a.name}.force.sensor_bias.offset", sd, "N"))
+    for signal in sorted(s for s in known if s.startswith("imu.")):
+        gyro = signal.startswith("imu.gyro")
+        sd = IMU_BIAS * (rig.noise.gyro if gyro else rig.noise.accel)
+        unit = "rad/s" if gyro else "m/s²"
+        out.append(Nuisance(f"{signal}.sensor_bias.offset", sd, unit))
+    if any(s.startswith("imu.") for s in known):
+        out += [Nuisance(f"imu.sensor_misalignment.{c}", MISALIGNMENT_RAD, "rad") for c in "xyz"]
+    return tuple(n for n in out if n.sd > 0.0)

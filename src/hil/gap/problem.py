@@ -1,0 +1,254 @@
+"""Rig, stretches and twin as one vector problem: measured samples, predictions, sensitivities, all flat.
+
+Every question about the gap is asked of the same flat vector of N samples: all judged signals of all
+stretches, each at its own instants. Parameters are those of the model's table (`hil.sim.parameters`), so
+any subset of the catalogue can be moved; sensitivities are differences in the search coordinate of each,
+in which the model depends smoothly on it. All replays of a call run in parallel.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.config import RigFile
+from hil.errors import IdentificationError
+from hil.identify.replay import Stretch
+from hil.sim.parameters import ParameterTable
+from hil.sim.twin import Replay, Twin
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SETTLE_S: Final = 0.5
+"""Start of a stretch that is not judged: how the rig rested before is not known."""
+LOOSE: Final = 5e-4
+"""m or rad: until it has moved so far, what an actuator's stiction and integrator hold is not known."""
+FEWEST: Final = 20
+"""A signal with fewer samples in a stretch is left out of it."""
+MOTION_STEP_S: Final = 0.005
+BIAS: Final = ".sensor_bias.offset"
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One signal of one stretch: where it stands in the flat vector."""
+
+    signal: str
+    stretch: int
+    part: slice
+
+    @property
+    def actuator(self) -> str:
+        """The actuator it belongs to, or "imu"."""
+        return self.signal.partition(".")[0]
+
+    @property
+    def quantity(self) -> str:
+        """position, velocity, force, current, gyro or accel: the name of its noise in the rig file."""
+        return self.signal.partition(".")[2].partition("_")[0]
+
+
+class Problem:
+    """Measured and predicted samples of some stretches of one rig; N samples.
+
+    `smooth`: setpoints act between the drives' ticks, as they do on average when nobody knows how a tick
+    lies against a stamp; otherwise at the ticks that the stamps say (`hil.sim.drive_loops`).
+    IdentificationError where a stretch lacks setpoints, or nothing can be judged.
+    """
+
+    def __init__(
+        self,
+        rig: RigFile,
+        pieces: Sequence[Stretch],
+        *,
+        smooth: bool = True,
+        settle_s: float = SETTLE_S,
+    ) -> None:
+        self.rig = rig
+        self.pieces = tuple(pieces)
+        self.smooth = smooth
+        self.settle_s = settle_s
+        self.table = ParameterTable(rig)
+        self.base: Array = self.table.from_effects(rig.effects)
+        """Parameter vector of the rig file's own effects."""
+        self.jobs: list[Replay] = []
+        series: list[Series] = []
+        size = 0
+        for s, piece in enumerate(self.pieces):
+            signals = judged(rig, piece)
+            for name in signals:
+                count = len(piece.samples[name][0])
+                series.append(Series(name, s, slice(size, size + count)))
+                size += count
+            stamps = {name: piece.samples[name][0] for name in signals}
+            self.jobs.append(self._job(piece, smooth, stamps))
+        self.series: tuple[Series, ...] = tuple(series)
+        if not series:
+            raise IdentificationError(
+                f"{', '.join(p.name for p in pieces)}: holds no signal that the twin of {rig.name} answers"
+            )
+        self.measured: Array = np.concatenate([self._samples(x)[1] for x in series])
+        self.t_s: Array = np.concatenate([self._samples(x)[0] for x in series])
+        loose = [self._loose_s(piece) for piece in self.pieces]
+        self.kept: Mask = np.concatenate(
+            [self._samples(x)[0] >= loose[x.stretch][x.actuator] for x in series]
+        )
+        """(N,) samples that are judged."""
+        if not self.kept.any():
+            raise IdentificationError(
+                f"{', '.join(p.name for p in pieces)}: nothing moved by {1e3 * LOOSE:g} mm or mrad: there is "
+                "nothing to judge a twin by"
+            )
+
+    def _job(self, piece: Stretch, smooth: bool, stamps: Mapping[str, Array]) -> Replay:
+        missing = [
+            a for a in self.rig.actuator_names if not len(piece.setpoints.get(a, ((), ()))[0])
+        ]
+        if missing:
+            kind = "setpoint" if piece.mode == "position" else "force_setpoint"
+            raise IdentificationError(
+                f"{piece.name}: holds no {', '.join(f'{a}.{kind}' for a in missing)}, so the twin cannot "
+                "replay it"
+            )
+        twin = Twin(self.rig, smooth=smooth, payload=piece.payload)
+        return twin.record(piece.setpoints, stamps, mode=piece.mode)
+
+    def _samples(self, x: Series) -> tuple[Array, Array]:
+        return self.pieces[x.stretch].samples[x.signal]
+
+    def _loose_s(self, piece: Stretch) -> dict[str, float]:
+        """By actuator, and "imu": from when on its signals are judged; never where it never moves."""
+        start = piece.span_s[0]
+        out = {}
+        for a in self.rig.actuator_names:
+            t, told = piece.setpoints[a]
+            moved = np.abs(told - told[0]) > LOOSE
+            first = float(t[np.argmax(moved)]) if moved.any() else np.inf
+            out[a] = start + self.settle_s if piece.mode == "force" else first + self.settle_s
+        begun = [s for s in out.values() if np.isfinite(s)]
+        return {**out, "imu": max(begun, default=start + self.settle_s)}
+
+    @property
+    def size(self) -> int:
+        """N."""
+        return len(self.measured)
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Every judged signal once."""
+        return tuple(dict.fromkeys(x.signal for x in self.series))
+
+    def with_ticks(self, *, smooth: bool) -> Problem:
+        """The same data, with setpoints that act between ticks or at them."""
+        if smooth == self.smooth:
+            return self
+        return Problem(self.rig, self.pieces, smooth=smooth, settle_s=self.settle_s)
+
+    def predict(self, vectors: Array) -> Array:
+        """(B, N) samples for B parameter vectors (B, P of the table)."""
+        rows = np.atleast_2d(vectors)
+        tasks = [(job, row) for row in rows for job in self.jobs]
+        flat = run_all([(job, row) for job, row in tasks])
+        per = len(self.jobs)
+        out = np.array([np.concatenate(flat[b * per : (b + 1) * per]) for b in range(len(rows))])
+        if not np.all(np.isfinite(out[0])):
+            raise IdentificationError(
+                f"{self.rig.name}: the twin cannot stand where the run began: is it the rig file of the "
+                "rig that ran?"
+            )
+        return out
+
+    def residual(self, vector: Array) -> Array:
+        """(N,) measured minus predicted."""
+        return np.asarray(self.measured - self.predict(vector)[0])
+
+    def jacobian(self, names: Sequence[str], vector: Array, base: Array | None = None) -> Array:
+        """(N, P) d prediction / d search coordinate of each named parameter, at `vector`.
+
+        One-sided differences over the table's search step, away from the nearer bound; `base`: the
+        prediction at `vector`, where it is known already. A bias of a signal costs no replay.
+        """
+        out = np.zeros((self.size, len(names)))
+        rows, where, spans = [], [], []
+        for k, name in enumerate(names):
+            place = self.bias_of(name)
+            if place is not None:
+                out[place, k] = 1.0
+                continue
+            row, span = self._stepped(name, vector)
+            rows.append(row)
+            where.append(k)
+            spans.append(span)
+        if rows:
+            at = base is None
+            flat = self.predict(np.array([vector, *rows] if at else rows))
+            start = flat[0] if base is None else base
+            out[:, where] = ((flat[1:] if at else flat) - start).T / np.array(spans)
+        return out
+
+    def bias_of(self, name: str) -> Mask | None:
+        """(N,) the samples that the sensor bias `name` shifts, None where it is something else."""
+        if not name.endswith(BIAS) or name == f"imu{BIAS}":
+            return None
+        signal = name.removesuffix(BIAS)
+        mask = np.zeros(self.size, dtype=bool)
+        for x in self.series:
+            if x.signal == signal:
+                mask[x.part] = True
+        return mask
+
+    def _stepped(self, name: str, vector: Array) -> tuple[Array, float]:
+        i = self.table.index(name)
+        p = self.table.entries[i]
+        z = p.to_search(float(vector[i]))
+        ends = sorted((p.to_search(p.lower), p.to_search(p.upper)))
+        step = p.search_step if z + p.search_step <= ends[1] else -p.search_step
+        row = np.array(vector)
+        row[i] = p.from_search(z + step)
+        return row, step
+
+    def motion(self, vector: Array) -> list[dict[str, Array]]:
+        """For each stretch, how the twin moves: "t" (M,) on a grid, `<actuator>.position|velocity|force`
+        (M,). Free of noise, so that regions of operation do not depend on the sensors."""
+        jobs, grids = [], []
+        for piece in self.pieces:
+            start, end = piece.span_s
+            t = np.arange(start, end, MOTION_STEP_S)
+            names = [
+                f"{a}.{q}"
+                for a in self.rig.actuator_names
+                for q in ("position", "velocity", "force")
+            ]
+            delay = self.rig.bus.answer_delay
+            jobs.append((self._job(piece, True, dict.fromkeys(names, t + delay)), vector))
+            grids.append(t)
+        flat = run_all(jobs)
+        return [
+            {"t": t, **job.by_signal(values)}
+            for t, (job, _), values in zip(grids, jobs, flat, strict=True)
+        ]
+
+
+def judged(rig: RigFile, piece: Stretch) -> list[str]:
+    """The signals of a stretch that the twin answers and that hold enough samples, in the rig's order."""
+    names = [
+        f"{a}.{q}" for a in rig.actuator_names for q in ("position", "velocity", "force", "current")
+    ]
+    if rig.imu is not None:
+        names += [f"imu.{q}_{c}" for q in ("gyro", "accel") for c in "xyz"]
+    return [n for n in names if n in piece.samples and len(piece.samples[n][0]) >= FEWEST]
+
+
+def run_all(tasks: Sequence[tuple[Replay, Array]]) -> list[Array]:
+    """Every replay with its parameter vector, on all cores."""
+    if len(tasks) == 1:
+        return [tasks[0][0].run(tasks[0][1])]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda task: task[0].run(task[1]), tasks))
