@@ -23,7 +23,7 @@ run: $(VENV)/run.stamp ## the simulated motorcycle rig, the daemon and a riding 
 	$(BIN)/hil demo
 
 test: $(VENV)/dev.stamp ## all tests that need no root and no SocketCAN
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 test-vcan: $(VENV)/dev.stamp ## the tests over real SocketCAN, in a guest where this kernel has none
 	tests/vcan/run
