@@ -12,7 +12,6 @@ import socket
 import sys
 import time
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +20,7 @@ from hil.config import RigFile
 from hil.daemon.gateway_clients import Clients
 from hil.daemon.gateway_commands import PendingCommands
 from hil.daemon.gateway_events import Events
+from hil.daemon.gateway_options import GatewayOptions
 from hil.daemon.gateway_recording import Recording
 from hil.daemon.gateway_relay import Relay
 from hil.daemon.ipc import Channel
@@ -35,19 +35,6 @@ LINGER_S: Final = 30.0
 """After SIGINT or SIGTERM the gateway still records this long how control parks the rig."""
 AT_REST: Final = ("offline", "preparing", "parked", "ready")
 """States in which the end of control is nothing to worry about."""
-
-
-@dataclass(frozen=True, slots=True)
-class GatewayOptions:
-    """What is decided at start and not in the rig file."""
-
-    is_recording: bool = True
-    """Record from the start; the command `record` switches it later."""
-    runs_folder: Path | None = None
-    """Where run folders are made; None: as the rig file says."""
-    metrics_port: int | None = None
-    """Port on loopback for Prometheus; None: not served, 0: any free one."""
-    command_timeout_s: float = 5.0
 
 
 def run_gateway(

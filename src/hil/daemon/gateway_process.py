@@ -15,7 +15,7 @@ import msgspec
 
 from hil.config import RigFile
 from hil.configfile import parse_settings
-from hil.daemon.gateway import GatewayOptions, run_gateway
+from hil.daemon.gateway_options import GatewayOptions
 from hil.errors import HilError
 
 
@@ -46,6 +46,8 @@ def start_gateway(
 
 def main() -> int:
     """Be the gateway; exit code 2 and one sentence where it cannot start."""
+    from hil.daemon.gateway import run_gateway  # not in the process that starts it
+
     handed = msgspec.json.decode(sys.stdin.buffer.read())
     options = handed["options"]
     if options["runs_folder"] is not None:
