@@ -26,6 +26,7 @@ COMMANDS: dict[str, str] = {
     "rig": "workspace:app",
     "experiment": "experiment:app",
     "identify": "identify:app",
+    "gap": "gap:app",
 }
 """Name of each command: module in hil.cli, and the function or typer app in it. In the order of `--help`."""
 

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import gamma
 
 from hil.gap.bands import bands_hz, split_bands
 from hil.gap.noise import NoiseModel
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 
 BLOCK_S: Final = 1.0
 FEWEST_BLOCKS: Final = 8
+MOST: Final = 300.0
+"""Of a score: beyond it a chance is no number any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +58,15 @@ class Cells:
 
     @property
     def score(self) -> Array:
-        """(C,) standard deviations by which each whole cell stands above the floor."""
-        return np.asarray(self.excess.sum(axis=1) / np.maximum(self.spread, 1e-12))
+        """(C,) -log10 of the chance that noise alone makes a cell's energy.
+
+        Energies of noise are sums of squares, so gamma distributed with the mean and spread of the draws:
+        a slow band of a short record has few degrees of freedom and a long tail.
+        """
+        mean = np.maximum(self.floor.sum(axis=1), 1e-12)
+        variance = np.maximum(self.spread**2, 1e-12 * mean**2)
+        chance = gamma.logsf(self.energy.sum(axis=1), mean**2 / variance, scale=variance / mean)
+        return np.asarray(np.minimum(-chance / np.log(10.0), MOST))
 
 
 def block_s(problem: Problem) -> float:

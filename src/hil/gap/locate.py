@@ -33,8 +33,12 @@ Array = NDArray[np.float64]
 
 RATIO: Final = 1.5
 """Within this ratio of the floor there is nothing to explain (the contract's own number)."""
-CLEAR: Final = 5.0
-"""Standard deviations above the floor from which a cell is no chance, with some hundred looked at."""
+CLEAR: Final = 6.0
+"""-log10 of the chance below which a cell is no chance, with some thousand looked at."""
+LEVEL: Final = 1.25
+"""Within this ratio a cell may be noise whose level the model misses [R]."""
+MATERIAL: Final = 0.05
+"""Of its signal's whole floor, in energy, that a band must add to be called a gap by itself."""
 RESAMPLES: Final = 400
 CONCENTRATED: Final = 0.1
 """share × log(share / time share), in nine resamples of ten, from which on a region is named [R]."""
@@ -131,14 +135,8 @@ def _answer(
     before = np.sqrt(cells.energy[whole].sum() / samples)
     drawn_before = np.sqrt(cells.energy[whole].sum(axis=0) @ picks.T / samples)
     places = _places(evidence, picks, total, drawn_total, floors) if total > 0.0 else []
-    is_gap = any(s.ratio > RATIO for s in signals) or any(
-        np.sqrt(e / f) > RATIO
-        for e, f in zip(
-            cells.energy[whole & clear].sum(axis=1),
-            cells.floor[whole & clear].sum(axis=1),
-            strict=True,
-        )
-    )
+    material = clear & (cells.excess.sum(axis=1) > MATERIAL * cells.samples) & _above(cells, RATIO)
+    is_gap = any(x.ratio > RATIO for x in signals) or bool(np.any(whole & material))
     return Located(
         rig.name, runs, float(before), 1.0, interval(drawn_before), is_gap,
         _sentence(is_gap, signals, places), tuple(signals), tuple(places if is_gap else ()),
@@ -148,9 +146,12 @@ def _answer(
 
 def _clear(cells: Cells) -> NDArray[np.bool_]:
     """(C,) cells that stand above the floor beyond chance and beyond what the floor's own level may miss."""
-    floor = cells.floor.sum(axis=1)
-    above = cells.excess.sum(axis=1) > (1.25**2 - 1.0) * floor
-    return np.asarray((cells.score > CLEAR) & above)
+    return np.asarray((cells.score > CLEAR) & _above(cells, LEVEL))
+
+
+def _above(cells: Cells, ratio: float) -> NDArray[np.bool_]:
+    """(C,) cells whose root mean square is `ratio` times the floor's or more."""
+    return np.asarray(cells.energy.sum(axis=1) > ratio**2 * cells.floor.sum(axis=1))
 
 
 def _places(

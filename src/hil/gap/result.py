@@ -29,7 +29,7 @@ class SignalGap:
     before_ci: tuple[float, float]
     noise_floor: float
     score: float
-    """Standard deviations of the most conspicuous band above the floor."""
+    """-log10 of the chance that noise makes its most conspicuous band."""
     share: float
     """Of the whole explainable gap."""
 

@@ -1,0 +1,112 @@
+"""`hil gap`: where the twin differs from the rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Column, Table
+
+from hil.cli.console import err, out
+from hil.configfile import load_rig
+from hil.errors import RunError
+from hil.gap import Located
+from hil.gap import locate as locate_gap
+from hil.runs import load_run
+from hil.ui.gap_page import gap_page
+
+app = typer.Typer(
+    help="The gap between a rig and its twin: where it stands.",
+    no_args_is_help=True,
+)
+
+_STYLE = {"error": "red", "warning": "yellow", "info": ""}
+
+
+@app.callback()
+def group() -> None:
+    """The sim-to-real gap."""
+
+
+@app.command()
+def locate(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Run folders or .mcap files of one rig.")
+    ],
+    rig: Annotated[str, typer.Option("--rig", help="Rig file whose twin is meant, or its name.")],
+    json: Annotated[
+        Path | None, typer.Option("--json", help="Write the answer as JSON; - for stdout.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="Write a page with pictures (HTML).")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the noise that is drawn.")] = 0,
+) -> None:
+    """Find the gap by signal, frequency band and operating region, above the floor of noise."""
+    settings = load_rig(rig)
+    found = locate_gap([load_run(path, settings) for path in runs], settings, seed=seed)
+    if json is not None and str(json) == "-":
+        typer.echo(found.to_json().decode())
+    else:
+        _show(found)
+    if json is not None and str(json) != "-":
+        _write(json, found.to_json())
+    if report is not None:
+        gap_page(found, report)
+        err.print(f"page: {report}", soft_wrap=True, markup=False)
+
+
+def _write(path: Path, data: bytes) -> None:
+    try:
+        path.write_bytes(data + b"\n")
+    except OSError as error:
+        raise RunError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _show(found: Located) -> None:
+    for f in found.findings:
+        out.print(f"{f.subject}: {f.text}", style=_STYLE[f.severity], markup=False, soft_wrap=True)
+    table = Table(Column("signal", no_wrap=True), "twin off by", "floor", "times", "share of gap")
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for s in found.signals:
+        table.add_row(
+            s.signal,
+            f"{s.before:.3g} {s.unit}",
+            f"{s.noise_floor:.3g}",
+            f"{s.ratio:.2f}",
+            f"{100.0 * s.share:.0f} %" if found.is_gap else "",
+        )
+    out.print(table)
+    if found.where:
+        out.print(_places(found))
+    for n in found.nuisances:
+        if n.at_bound:
+            out.print(
+                f"alarm: {n.name} wants to go further than a calibration may, {n.change:+.3g} {n.unit}",
+                style="yellow", markup=False, soft_wrap=True,
+            )  # fmt: skip
+    out.print(f"floor: {found.floor_text}", markup=False, soft_wrap=True)
+    out.print(found.sentence, style="bold", markup=False, soft_wrap=True)
+
+
+def _places(found: Located) -> Table:
+    where = Table(
+        Column("where", no_wrap=True),
+        "band, Hz",
+        "region",
+        "share of gap",
+        "90 %",
+        "times the floor",
+    )
+    for p in found.where:
+        where.add_row(
+            p.signal,
+            f"{p.band_hz[0]:g} … {p.band_hz[1]:.3g}",
+            p.region.replace("_", " "),
+            f"{100.0 * p.share:.0f} %",
+            f"{100.0 * p.share_ci[0]:.0f} … {100.0 * p.share_ci[1]:.0f} %",
+            f"{p.rms / p.noise_floor:.1f}",
+        )
+    return where
