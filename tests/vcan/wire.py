@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,25 +15,20 @@ import pytest
 
 from hil.client import RigClient
 from hil.configfile import find_rig_file
-from hil.messages import StateMessage
-from tests.daemon.test_processes import PATIENCE_S, Bench, in_state, wait_for
+from tests.daemon.test_processes import Bench
 
 VCAN = os.environ.get("HIL_VCAN", "vcan0")
 URL = f"socketcan:{VCAN}"
 BITRATE_BPS = 500_000
+PATIENCE_S = 180.0
 CYCLE_S = 0.02
-"""Twice the rig files' bus cycle: a guest has one slow CPU for daemon, gateway, rig and test."""
-
-__all__ = [
-    "BITRATE_BPS",
-    "CYCLE_S",
-    "PATIENCE_S",
-    "URL",
-    "VCAN",
-    "RigOnWire",
-    "in_state",
-    "wait_for",
-]
+SLOWER = {
+    "\ncycle = 0.01\n": f"\ncycle = {CYCLE_S}\n",
+    "\n[cue]\n": "\n[safety]\nanswer_timeout = 0.4\ndrive_watchdog = 0.5\noverrun_cycles = 15\n"
+    "\n[cue]\nstale = 0.8\n",
+}
+"""What a rig file must be patient about in a guest: one CPU for daemon, gateway, rig and test, which all
+stand still while the guest waits for a file of the host."""
 
 
 def require_interface() -> None:
@@ -76,8 +72,10 @@ class RigOnWire(Bench):
         self.bus = URL
         self.file = folder / f"{name}.toml"
         text = find_rig_file(name).read_text()
-        assert "\ncycle = 0.01\n" in text
-        self.file.write_text(text.replace("\ncycle = 0.01\n", f"\ncycle = {CYCLE_S}\n"))
+        for there, slower in SLOWER.items():
+            assert there in text
+            text = text.replace(there, slower)
+        self.file.write_text(text)
 
     def simulate(self) -> subprocess.Popen[str]:
         self.simulated = self.start("simulate", str(self.file), "--can", URL)
@@ -91,7 +89,8 @@ class RigOnWire(Bench):
     def client(self) -> RigClient:
         # One that comes before the daemon's endpoint is there waits seconds for its next try.
         port = int(self.endpoint.rpartition(":")[2])
-        wait_for(lambda: is_listening(port))
+        wait_for(lambda: is_listening(port) or self.control.poll() is not None)
+        assert self.control.poll() is None, self.said()
         return RigClient(self.name, self.endpoint, name="test").open()
 
 
@@ -102,19 +101,43 @@ def is_listening(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-def ride(
-    client: RigClient,
-    until: Callable[[StateMessage], bool],
-    cue: Callable[[float], dict[str, float]],
-    patience_s: float = PATIENCE_S,
-) -> StateMessage:
-    """Stream `cue(seconds)` until a state is as wished; returns that state."""
-    started_s = time.monotonic()
-    while True:
-        elapsed_s = time.monotonic() - started_s
-        client.cue(**cue(elapsed_s))
-        state = client.state()
-        if state is not None and until(state):
-            return state
-        assert elapsed_s < patience_s, f"waited in vain; the rig says {state}"
-        time.sleep(2 * CYCLE_S)
+def wait_for(condition: Callable[[], object], patience_s: float = PATIENCE_S) -> None:
+    """Wait until `condition` holds."""
+    deadline_s = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < deadline_s, "waited in vain"
+        time.sleep(0.05)
+
+
+class Rider:
+    """Streams cues to a rig from a thread of its own until it is left."""
+
+    def __init__(self, client: RigClient, cue: Callable[[float], dict[str, float]]) -> None:
+        self._client, self._cue = client, cue
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._ride)
+
+    def __enter__(self) -> Rider:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _ride(self) -> None:
+        started_s = time.monotonic()
+        while not self._over.wait(2 * CYCLE_S):
+            self._client.cue(**self._cue(time.monotonic() - started_s))
+
+
+def engage(client: RigClient) -> None:
+    """Reset what is latched, arm, and wait until the rig follows the cues that a rider streams."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while (state := client.state()) is None or state.state != "engaged":
+        if state is not None and state.state in ("fault", "emergency"):
+            client.command("reset")
+        elif state is not None and state.state == "parked":
+            client.command("arm")
+        assert time.monotonic() < deadline_s, (state, client.command("check"))
+        time.sleep(0.1)
