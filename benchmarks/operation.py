@@ -23,14 +23,17 @@ from hil.signals import Cue
 RIGS = ("motorcycle", "axis")
 OPERATION_S = 600.0
 COLUMNS = (
-    *("cycles", "overruns", "slots", "pairs", "slots with a pair, %"),
-    *(
-        "answers asked again",
-        "bus load, %",
-        "warnings and faults",
-        "wall s",
-        "simulated s / wall s",
-    ),
+    "cycles",
+    "overruns",
+    "slots",
+    "pairs",
+    "slots with a pair, %",
+    "answers asked again",
+    "bus load, %",
+    "warnings and faults",
+    "wall s",
+    "processor s",
+    "simulated s / processor s",
 )
 
 
