@@ -169,6 +169,13 @@ def test_killing_the_gateway_parks_and_ends_the_daemon_with_an_error(riding):
     assert run.table["t"].max() > 0.5  # all but the last second is there
 
 
+def test_a_gateway_that_hangs_parks_the_rig_and_ends_the_daemon_with_an_error(riding):
+    (gateway,) = children_of(riding.control.pid)
+    os.kill(gateway, signal.SIGSTOP)
+    assert riding.control.wait(60.0) == 1
+    assert not Path(f"/proc/{gateway}").exists()
+
+
 def children_of(pid: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 

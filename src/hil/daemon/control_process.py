@@ -36,6 +36,9 @@ PARK_S: Final = 20.0
 """After the signal to end, the rig gets so long to park before the drives are switched off anyway."""
 GATEWAY_START_S: Final = 15.0
 """The gateway gets so long to come up before the rig is run without; it is disarmed until then anyway."""
+GATEWAY_HUNG_S: Final = 5.0
+"""A gateway that lives and says nothing for so long will not come back: the rig has parked by then, and
+whoever started the daemon had better start it anew."""
 OFF_CYCLES: Final = 10
 """Cycles in which the drives are told to be off before the process ends."""
 
@@ -86,8 +89,9 @@ class ControlProcess:
         self._alive_s = now_s
         self._ending_s: float | None = None
         self._off_cycles = 0
+        self._gateway_s = now_s
         self.gateway_died = False
-        """The gateway process ended before this one."""
+        """The gateway process ended before this one, or hangs."""
         self._done: asyncio.Future[None]
         self._gateway_here: asyncio.Future[None]
 
@@ -114,7 +118,8 @@ class ControlProcess:
         self._garbage.settle()
         while self._port.receive():
             pass  # what the bus said while we were getting ready is old news
-        self._core.start_at(time.monotonic() + self._rig.bus.cycle)
+        self._gateway_s = time.monotonic()
+        self._core.start_at(self._gateway_s + self._rig.bus.cycle)
         self._timer.arm_at(self._core.next_due_s)
         self._notifier.ready(f"{self._rig.name} on {self._port.name}: {self._core.state}")
         try:
@@ -164,6 +169,7 @@ class ControlProcess:
         self._channel.send(*self._core.take_records())
         self._calm()
         self._notify(now_s)
+        self._watch_gateway(now_s)
         self._leave_when_off(now_s)
 
     def _on_gateway(self) -> None:
@@ -177,6 +183,7 @@ class ControlProcess:
                 self._core.command(now_s, record)
             elif isinstance(record, GatewayAlive):
                 self._core.gateway_alive(now_s)
+                self._gateway_s = now_s
                 self._stop_waiting()
         if not self._channel.is_open and not self.gateway_died:
             # Nobody records or publishes any more: park, and let whoever started us start anew.
@@ -207,6 +214,13 @@ class ControlProcess:
         if now_s - self._status_s >= STATUS_S:
             self._status_s = now_s
             self._notifier.status(f"{self._rig.name} on {self._port.name}: {self._core.state}")
+
+    def _watch_gateway(self, now_s: float) -> None:
+        if self._ending_s is None and now_s - self._gateway_s > GATEWAY_HUNG_S:
+            self.gateway_died = True
+            text = f"the gateway says nothing for {GATEWAY_HUNG_S:g} s: the daemon ends"
+            self._channel.send(EventRecord(now_s, "fault", "gateway_hung", text))
+            self.end()
 
     def _leave_when_off(self, now_s: float) -> None:
         if self._ending_s is None:
