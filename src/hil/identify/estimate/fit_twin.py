@@ -15,7 +15,7 @@ from hil.identify.estimate.directions import UNTOLD, analyse
 from hil.identify.estimate.fit import Curves, Outcome, checked
 from hil.identify.estimate.gridsearch import grid_search
 from hil.identify.estimate.names import FORCE_GAIN
-from hil.identify.estimate.outputerror import OutputErrorFit, fit
+from hil.identify.estimate.outputerror import OutputErrorFit, expected_noise, fit
 from hil.identify.estimate.result import Identification, estimates
 from hil.identify.estimate.twinproblem import TwinProblem
 from hil.identify.replay import Stretch
@@ -26,6 +26,8 @@ SEPARATE: Final = (
     "weigh the cabin and fix mass.m in the rig file, or record a second run with a known payload "
     "([payload] in run.toml), or record the drives' forces"
 )
+LACKING: Final = 3.0
+"""Times its noise that a signal's residual may be before the reader is told [R]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,7 @@ class TwinOptions:
     """What to fit, and to which signals."""
 
     parameters: tuple[str, ...] = ()
-    """Names; empty: mass, principal moments, each actuator's friction."""
+    """Names; empty: mass, principal moments, each actuator's friction, an axis's force bias."""
     quantities: tuple[str, ...] = ("position", "force")
     grid: Mapping[str, tuple[float, float, int]] | None = None
     """Search these (lowest, highest, points) before the local fit."""
@@ -47,7 +49,12 @@ def default_parameters(rig: RigFile) -> tuple[str, ...]:
     body = {
         "axis_1dof": ("mass.m",),
     }.get(rig.kind, ("mass.m", "mass.inertia.xx", "mass.inertia.yy", "mass.inertia.zz"))
-    each = [f"{a}.{field}" for a in rig.actuator_names for field in ("viscous", "coulomb")]
+    fields = ["viscous", "coulomb"]
+    if (
+        rig.kind == "axis_1dof"
+    ):  # where gravity does not tell a constant force from the sensor's bias
+        fields.append("force.sensor_bias.offset")
+    each = [f"{a}.{field}" for a in rig.actuator_names for field in fields]
     return (*body, *each)
 
 
@@ -121,6 +128,7 @@ def identification_of(
     notes += [
         f"{n} stands at its bound: the model lacks something, or the data" for n in best.at_bound
     ]
+    notes += _left_over(problem, best)
     analysis = analyse(problem.names, best.covariance, problem.scale)
     reasons = _gauge_reasons(problem, best)
     if reasons:
@@ -141,6 +149,23 @@ def identification_of(
         ),
         effective_samples=float(len(best.white)), notes=tuple(notes),
     )  # fmt: skip
+
+
+def _left_over(problem: TwinProblem, best: OutputErrorFit) -> list[str]:
+    """A warning where residuals are far from noise: intervals know of noise, not of what a model lacks."""
+    times: dict[str, float] = {}
+    for name, part in problem.signals:
+        rms = float(np.sqrt(np.mean(best.residual[part] ** 2)))
+        times[name] = max(times.get(name, 0.0), rms / expected_noise(problem, name))
+    far = {name: x for name, x in times.items() if x > LACKING}
+    if not far:
+        return []
+    worst = max(far, key=far.__getitem__)
+    return [
+        f"the twin leaves up to {far[worst]:.0f} times the rig file's sensor noise ({worst}; "
+        f"{len(far)} of {len(times)} signals above {LACKING:g}): something is not modelled, or the "
+        "setpoints' stamps are not when they got through. The intervals know of noise alone: compare with --method iv"
+    ]
 
 
 def force_scale_deviation(problem: TwinProblem, best: OutputErrorFit) -> float:

@@ -111,7 +111,7 @@ def noise_of(problem: TwinProblem, residual: Array) -> NoiseModel:
     sigmas, terms = [], []
     for name, part in problem.signals:
         e = residual[part]
-        sigma = max(float(np.sqrt(np.mean(e**2))), 0.1 * _expected(problem, name))
+        sigma = max(float(np.sqrt(np.mean(e**2))), 0.1 * expected_noise(problem, name))
         order = min(ORDER, len(e) // 20)
         ar = np.empty(0)
         if order:
@@ -121,7 +121,7 @@ def noise_of(problem: TwinProblem, residual: Array) -> NoiseModel:
                     solve_toeplitz(r[:-1] + 1e-9 * r[0] * (np.arange(order) == 0), r[1:])
                 )
                 power = float(r[0] - ar @ r[1:])
-                sigma = max(float(np.sqrt(max(power, 0.0))), 0.1 * _expected(problem, name))
+                sigma = max(float(np.sqrt(max(power, 0.0))), 0.1 * expected_noise(problem, name))
         sigmas.append(sigma)
         terms.append(ar)
     return NoiseModel(tuple(sigmas), tuple(terms))
@@ -224,11 +224,11 @@ def _residual(problem: TwinProblem, values: Array) -> Array:
 
 
 def _first_noise(problem: TwinProblem) -> NoiseModel:
-    sigma = tuple(_expected(problem, name) for name, _ in problem.signals)
+    sigma = tuple(expected_noise(problem, name) for name, _ in problem.signals)
     return NoiseModel(sigma, tuple(np.empty(0) for _ in sigma))
 
 
-def _expected(problem: TwinProblem, signal: str) -> float:
+def expected_noise(problem: TwinProblem, signal: str) -> float:
     """The rig file's noise of a signal, quantisation included."""
     place, _, quantity = signal.rpartition(".")
     kind = quantity.partition("_")[0] if place == "imu" else quantity
