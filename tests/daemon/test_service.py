@@ -107,6 +107,13 @@ def test_a_hil_that_the_service_cannot_see_is_refused(root, rig_on_can):
         service.install(root, str(rig_on_can), executable=Path("/home/rider/venv/bin/hil"))
 
 
+def test_a_python_in_somebodys_home_is_refused(root, rig_on_can, tmp_path):
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin/python").symlink_to("/home/rider/.pyenv/versions/3.11.7/bin/python3.11")
+    with pytest.raises(HilError, match=r"/home/rider/\.pyenv"):
+        service.install(root, str(rig_on_can), executable=tmp_path / "bin/hil")
+
+
 def test_status_tells_what_was_changed(root, rig_on_can):
     install(root, rig_on_can)
     unit = root / "etc/systemd/system/hild.service"
