@@ -164,7 +164,8 @@ def _left_over(problem: TwinProblem, best: OutputErrorFit) -> list[str]:
     return [
         f"the twin leaves up to {far[worst]:.0f} times the rig file's sensor noise ({worst}; "
         f"{len(far)} of {len(times)} signals above {LACKING:g}): something is not modelled, or the "
-        "setpoints' stamps are not when they got through. The intervals know of noise alone: compare with --method iv"
+        "setpoints' stamps are not when they got through. The intervals know of noise alone: "
+        "compare with --method iv"
     ]
 
 
