@@ -61,10 +61,11 @@ where timing on the bus matters.</p>$time</section>
 $state
 <section><h2>Calibration that was taken out first</h2><p class="how">Each within what a healthy rig may be off
 its file. One at its bound is an alarm.</p>$nuisances</section>
-<section><h2>How it was computed</h2><p class="how">Floor: $floor.</p><p class="how">Shares: squares of the
-residual over the squared floor of its signal, less what the floor itself has in the same band and
-region, over all bands that stand clear of chance. Intervals (90 %): blocks of time of a second drawn
-again, all signals together. Bands: cosine transform, so that they add up. Regions: from the twin's own motion.</p></section>
+<section><h2>How it was computed</h2><p class="how">Floor: $floor.</p><p class="how">Shares: squares
+of the residual over the squared floor of its signal, less what the floor itself has in the same
+band and region, over all bands that stand clear of chance. Intervals (90 %): blocks of time of a
+second drawn again, all signals together. Bands: cosine transform, so that they add up. Regions:
+from the twin's own motion.</p></section>
 </main></body></html>
 """)
 
