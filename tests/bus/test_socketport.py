@@ -135,3 +135,19 @@ def test_a_stamp_that_a_step_of_the_wall_clock_has_spoilt_is_not_believed(age_s:
 def test_without_a_stamp_the_instant_of_reading_holds() -> None:
     assert received_s([], 0.0, 12.5) == 12.5
     assert received_s([(socket.SOL_SOCKET, SO_TIMESTAMPNS, b"short")], 0.0, 12.5) == 12.5
+
+
+def test_stamps_never_run_back_whatever_the_reading_of_the_clocks(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port, wire = pair
+    true_s = monotonic_minus_realtime_s()
+    stamps = []
+    for late_s in (0.0, -0.02, -0.001):  # interrupted between the two readings
+        monkeypatch.setattr(
+            "hil.bus.socketport.monotonic_minus_realtime_s", lambda late_s=late_s: true_s + late_s
+        )
+        wire.send(pack(Frame(0x371)))
+        stamps += [item.t_s for item in port.receive()]
+    assert stamps == sorted(stamps)
+    assert len(stamps) == 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import socket
 import time
 from typing import Final
@@ -48,6 +49,7 @@ class SocketPort:
         self._remedy = remedy
         self._only_from = only_from
         self._deferred: BusError | None = None
+        self._last_s = -math.inf
         self._is_down = False
 
     def fileno(self) -> int:
@@ -93,7 +95,10 @@ class SocketPort:
                 continue
             self._is_down = False
             self.state = state_after(frame, self.state)
-            frames.append(StampedFrame(received_s(ancillary, offset_s, now_s), frame))
+            # The clocks' offset is read anew for each call, and a process may be interrupted between the
+            # two readings: stamps of successive calls can cross by that, frames cannot.
+            self._last_s = max(self._last_s, received_s(ancillary, offset_s, now_s))
+            frames.append(StampedFrame(self._last_s, frame))
         if trouble is not None and trouble.errno == errno.ENETDOWN:
             self._is_down, self.state = True, BusState.BUS_OFF
             frames.append(StampedFrame(now_s, controller_error(ERR_BUS_OFF)))
