@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import socket
 import struct
 import time
@@ -151,3 +152,19 @@ def test_stamps_never_run_back_whatever_the_reading_of_the_clocks(
         stamps += [item.t_s for item in port.receive()]
     assert stamps == sorted(stamps)
     assert len(stamps) == 3
+
+
+def test_waiting_between_the_clocks_does_not_shift_the_stamps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls = itertools.count()
+    read = time.clock_gettime_ns
+
+    def interrupted(clock: int) -> int:
+        if next(calls) == 0:
+            time.sleep(0.03)
+        return read(clock)
+
+    expected_s = monotonic_minus_realtime_s()
+    monkeypatch.setattr(time, "clock_gettime_ns", interrupted)
+    assert monotonic_minus_realtime_s() == pytest.approx(expected_s, abs=2e-3)

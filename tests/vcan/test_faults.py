@@ -6,7 +6,6 @@ armed again. The last one pulls the adapter.
 
 from __future__ import annotations
 
-import math
 import random
 import subprocess
 import time
@@ -30,6 +29,7 @@ from .wire import (
     raw_socket,
     require_interface,
     stop_the_queue,
+    sway,
     wait_for,
 )
 
@@ -64,10 +64,6 @@ def riding(rig: RigOnWire) -> Iterator[RigOnWire]:
         yield rig
     for event in events.waiting():
         print(f"{event.t:.3f} {event.severity} {event.name}: {event.text}")
-
-
-def sway(t_s: float) -> dict[str, float]:
-    return {"position": 0.02 * math.sin(2.0 * math.pi * 0.5 * t_s)}
 
 
 def stays_engaged(rig: RigOnWire, seconds: float) -> bool:

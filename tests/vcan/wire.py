@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import signal
 import socket
 import subprocess
 import threading
@@ -77,6 +79,19 @@ class RigOnWire(Bench):
             text = text.replace(there, slower)
         self.file.write_text(text)
 
+    def end(self) -> None:
+        """Ctrl-C to all of them, and what they said: pytest shows it where a test has failed."""
+        for process in self.processes:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in self.processes:
+            try:
+                print(process.communicate(timeout=30.0)[0])
+            except subprocess.TimeoutExpired:
+                process.kill()
+                print(process.communicate()[0])
+        self.processes.clear()
+
     def simulate(self) -> subprocess.Popen[str]:
         self.simulated = self.start("simulate", str(self.file), "--can", URL)
         return self.simulated
@@ -90,7 +105,7 @@ class RigOnWire(Bench):
         # One that comes before the daemon's endpoint is there waits seconds for its next try.
         port = int(self.endpoint.rpartition(":")[2])
         wait_for(lambda: is_listening(port) or self.control.poll() is not None)
-        assert self.control.poll() is None, self.said()
+        assert self.control.poll() is None, "the daemon has ended"
         return RigClient(self.name, self.endpoint, name="test").open()
 
 
@@ -129,6 +144,11 @@ class Rider:
         started_s = time.monotonic()
         while not self._over.wait(2 * CYCLE_S):
             self._client.cue(**self._cue(time.monotonic() - started_s))
+
+
+def sway(t_s: float) -> dict[str, float]:
+    """A cue for the axis: 20 mm to either side, once in two seconds."""
+    return {"position": 0.02 * math.sin(2.0 * math.pi * 0.5 * t_s)}
 
 
 def engage(client: RigClient) -> None:
