@@ -3,8 +3,9 @@
 `locate` answers that; `Problem`, `NoiseModel` and `refit` are what it and everything after it stand on.
 """
 
+from hil.gap.arrivals import Timing, find_timing
 from hil.gap.locate import locate
-from hil.gap.noise import NoiseModel, find_noise, find_timing
+from hil.gap.noise import NoiseModel, find_noise
 from hil.gap.nuisances import Nuisance, default_nuisances
 from hil.gap.problem import Problem
 from hil.gap.residual import Refit, refit
@@ -20,6 +21,7 @@ __all__ = [
     "Problem",
     "Refit",
     "SignalGap",
+    "Timing",
     "default_nuisances",
     "find_noise",
     "find_timing",

@@ -15,8 +15,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hil.config import AxisGeometry, RigFile
+from hil.gap.arrivals import find_timing
 from hil.gap.cells import Cells, count_cells
-from hil.gap.noise import find_noise, find_timing, from_draws, projected
+from hil.gap.noise import find_noise, projected
 from hil.gap.nuisances import Nuisance, default_nuisances
 from hil.gap.problem import Problem
 from hil.gap.regions import region_codes
@@ -25,7 +26,6 @@ from hil.gap.residual import Refit, refit
 from hil.gap.result import Evidence, Located, Place, SignalGap, interval, unit_of
 from hil.gap.runs import as_runs
 from hil.gap.sanity import Finding, check_answers, check_runs, refuse
-from hil.gap.timing import at_ticks, draws
 from hil.identify.replay import stretches
 from hil.runs import Run
 
@@ -72,15 +72,11 @@ def locate(
     smooth = Problem(rig, pieces)
     findings += check_answers(smooth)
     refuse(findings)
-    chosen = default_nuisances(rig, smooth.signals) if nuisances is None else tuple(nuisances)
-    guess = from_draws(smooth, draws(smooth, smooth.base, rng, 3), "model", "")
-    first = refit(smooth, guess, chosen)
-    timing = find_timing(smooth, first.vector, first.residual, rng)
-    problem, start = smooth, first.vector
-    if not timing.smooth:
-        problem, start = smooth.with_ticks(smooth=False), at_ticks(smooth, first.vector)
-    floor = find_noise(problem, start, timing, rng, count=4)
-    best = refit(problem, floor, chosen, start, first.jacobian)
+    timing = find_timing(smooth, rng)
+    problem, start = smooth.with_ticks(smooth=timing.smooth), timing.start(smooth)
+    chosen = nuisances or default_nuisances(rig, problem.signals, timing.delays_s)
+    guess = find_noise(problem, start, timing, rng, count=4)
+    best = refit(problem, guess, chosen, start)
     found = find_noise(
         problem, best.vector, timing, rng, repeats=find_repeats(problem), residual=best.residual
     )

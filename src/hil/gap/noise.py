@@ -3,7 +3,7 @@
 Two sources, and the model says which it used. Repeats: where the same motion was played again (periods of
 an experiment, or runs that repeat each other), half the difference of the residuals of two repeats is
 noise and nothing else, whatever its cause. Otherwise a noise model: records drawn from the twin itself
-with the rig file's sensors and bus (`hil.gap.timing`). How well setpoint stamps tell the drives' ticks is
+with the rig file's sensors and bus (`hil.gap.draws`). How well setpoint stamps tell the drives' ticks is
 not in a rig file; it is read from the fine structure of the residual, bounded by what the bus can do.
 
 Residuals are whitened by the spread that the draws have at each instant (timing noise grows with speed
@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
+from hil.gap.arrivals import Timing
+from hil.gap.draws import draws, longest_wait_s, sensor_sigma
 from hil.gap.problem import Problem
 from hil.gap.repeats import Repeats
-from hil.gap.timing import at_ticks, draws, fine_structure, longest_wait_s, sensor_sigma
 
 Array = NDArray[np.float64]
 
@@ -31,9 +32,6 @@ DRAWS: Final = 10
 WINDOW_S: Final = 0.3
 """Over which the spread of the draws is averaged in time."""
 ORDER: Final = 6
-LEVELS: Final = (0.0, 0.25, 0.5, 1.0)
-VISIBLE: Final = 1.5
-"""Timing shows at samples where it makes the noise so many times the sensor's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,52 +119,6 @@ def _autoregression(z: Array) -> tuple[Array, float]:
     return ar, float(np.sqrt(max(r[0] - ar @ r[1:], 1e-6 * r[0])))
 
 
-@dataclass(frozen=True, slots=True)
-class Timing:
-    """How setpoints reach the drives, as the fine structure of a residual shows it."""
-
-    smooth: bool
-    """Whether the twin comes nearer with setpoints that act between ticks."""
-    level: float
-    """Share of the longest wait on the bus that arrivals vary by."""
-
-
-def find_timing(
-    problem: Problem, vector: Array, residual: Array, rng: np.random.Generator
-) -> Timing:
-    """Whether stamps tell the drives' ticks, and how much arrivals vary, from where that shows.
-
-    `residual` of the smooth `problem` at `vector`.
-    The ticks' grid is kept where that brings the twin's fine structure nearer to the record; the level is
-    the one whose draws have the record's fine structure.
-    """
-    coarse = problem.with_ticks(smooth=False)
-    ticks = at_ticks(problem, vector)
-    residuals = {True: residual, False: coarse.residual(ticks)}
-    probe = draws(problem, vector, rng, 2)
-    spread = from_draws(problem, probe, "model", "").sigma
-    parts = [
-        (spread[x.part] > VISIBLE * sensor_sigma(problem.rig, x)) & problem.kept[x.part]
-        for x in problem.series
-    ]
-    size = {s: fine_structure(problem, residuals[s], parts) for s in (True, False)}
-    seen = np.array([int(p.sum()) > 30 for p in parts])
-    if not seen.any():
-        return Timing(smooth=True, level=1.0)
-    weight = np.array([float(p.sum()) for p in parts])[seen]
-    ratio = np.log(size[True][seen] / size[False][seen])
-    is_smooth = bool(np.average(ratio, weights=weight) < 0.0)
-    best, at = (problem, vector) if is_smooth else (coarse, ticks)
-    misfit = []
-    for level in LEVELS:
-        drawn = draws(best, at, rng, 1, level)
-        sizes = np.mean([fine_structure(best, d, parts) for d in drawn], axis=0)
-        misfit.append(
-            abs(float(np.average(np.log(size[is_smooth][seen] / sizes[seen]), weights=weight)))
-        )
-    return Timing(is_smooth, LEVELS[int(np.argmin(misfit))])
-
-
 def find_noise(
     problem: Problem,
     vector: Array,
@@ -181,12 +133,13 @@ def find_noise(
 
     `residual` at `vector` is needed where `repeats` are given.
     """
-    drawn = draws(problem, vector, rng, count, timing.level)
-    wait_us = 1e6 * timing.level * longest_wait_s(problem.rig)
-    ticks = "between the drives' ticks" if timing.smooth else "at the drives' ticks by their stamps"
+    drawn = draws(problem, vector, rng, count, timing.waits)
+    most = max((w.setpoints for w in timing.waits.values()), default=1.0)
+    wait_us = 1e6 * most * longest_wait_s(problem.rig)
+    ticks = "between the drives' ticks" if timing.smooth else "at the drives' ticks"
     text = (
         f"noise model: the rig file's sensor noise and rounding, answers' jitter, setpoints that act {ticks} "
-        f"after up to {wait_us:.0f} µs of waiting; {count} records drawn from the twin itself"
+        f"after waits that vary by up to {wait_us:.0f} µs; {count} records drawn from the twin itself"
     )
     if not repeats or residual is None:
         return from_draws(problem, drawn, "model", text)

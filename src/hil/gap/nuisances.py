@@ -7,7 +7,7 @@ a nuisance at its bound is an alarm: the rig file is wrong there, or an effect p
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,6 +23,8 @@ VISCOUS: Final = 0.10
 """Of the rig file's own viscous friction: it follows the oil's temperature [R]."""
 DELAY_S: Final = 0.0004
 """A setpoint's way to its drive: mean wait on the bus and phase of the drive's ticks [R]."""
+LATENCY_S: Final = 0.0004
+"""A drive's answers: mean wait of request and answer on the bus, and a tick told one too far [R]."""
 FORCE_BIAS: Final = 0.0005
 """Of the largest force: offset of a current sensor [R], but no less than half the force's noise."""
 TILT_RAD: Final = 0.002
@@ -39,12 +41,23 @@ class Nuisance:
     name: str
     sd: float
     unit: str
+    tied: tuple[str, ...] = ()
+    """Parameters that move with it by as much."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All parameters that move."""
+        return (self.name, *self.tied)
 
 
-def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, ...]:
+def default_nuisances(
+    rig: RigFile, signals: Iterable[str], aligned: Container[str] = ()
+) -> tuple[Nuisance, ...]:
     """Mass, its place, viscous friction, delays, level, offsets of forces and of the IMU.
 
-    Only those that the recorded `signals` can feel are given.
+    Only those that the recorded `signals` can feel are given. Of a drive whose ticks were `aligned`
+    (`hil.gap.arrivals`) the setpoints' delay is known and that of its answers is free; of others the one
+    delay that both make together, for between ticks the two can hardly be told apart.
     """
     known = set(signals)
     axis = isinstance(rig.geometry, AxisGeometry)
@@ -55,8 +68,15 @@ def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, .
     for a in rig.actuators:
         sd = max(VISCOUS * a.viscous, 1e-3 * a.force_max)
         out.append(Nuisance(f"{a.name}.viscous_friction.coefficient", sd, "N·s/m"))
-        if rig.bus.setpoint_delay > 0.0:
+        if rig.bus.setpoint_delay > 0.0 and a.name not in aligned:
             out.append(Nuisance(f"{a.name}.transport_delay.delay", DELAY_S, "s"))
+        answers = [
+            f"{a.name}.{q}.sensor_latency.delay"
+            for q in ("position", "velocity", "force", "current")
+            if f"{a.name}.{q}" in known
+        ]
+        if a.name in aligned and answers:
+            out.append(Nuisance(answers[0], LATENCY_S, "s", tuple(answers[1:])))
         if f"{a.name}.force" in known:
             sd = max(0.5 * rig.noise.force, FORCE_BIAS * a.force_max)
             out.append(Nuisance(f"{a.name}.force.sensor_bias.offset", sd, "N"))

@@ -34,6 +34,7 @@ FEWEST: Final = 20
 """A signal with fewer samples in a stretch is left out of it."""
 MOTION_STEP_S: Final = 0.005
 BIAS: Final = ".sensor_bias.offset"
+LATENCY: Final = ".sensor_latency.delay"
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,49 +170,66 @@ class Problem:
         """(N,) measured minus predicted."""
         return np.asarray(self.measured - self.predict(vector)[0])
 
-    def jacobian(self, names: Sequence[str], vector: Array, base: Array | None = None) -> Array:
+    def jacobian(
+        self, names: Sequence[str | tuple[str, ...]], vector: Array, base: Array | None = None
+    ) -> Array:
         """(N, P) d prediction / d search coordinate of each named parameter, at `vector`.
 
-        One-sided differences over the table's search step, away from the nearer bound; `base`: the
-        prediction at `vector`, where it is known already. A bias of a signal costs no replay.
+        A tuple of names moves together. One-sided differences over the table's search step, away from the
+        nearer bound; `base`: the prediction at `vector`, where it is known already. Biases of signals cost
+        no replay, latencies of different signals one for all.
         """
-        out = np.zeros((self.size, len(names)))
-        rows, where, spans = [], [], []
-        for k, name in enumerate(names):
-            place = self.bias_of(name)
-            if place is not None:
-                out[place, k] = 1.0
-                continue
-            row, span = self._stepped(name, vector)
-            rows.append(row)
-            where.append(k)
-            spans.append(span)
+        groups = [(n,) if isinstance(n, str) else n for n in names]
+        out = np.zeros((self.size, len(groups)))
+        rows: list[Array] = []
+        places: list[tuple[int, int, float, Mask | None]] = []
+        shared = np.array(vector)
+        late: list[tuple[int, float, Mask]] = []
+        for k, group in enumerate(groups):
+            own = self._own_samples(group)
+            if own is not None and all(n.endswith(BIAS) for n in group):
+                out[own, k] = 1.0
+            elif own is not None and not any(np.any(own & m) for _, _, m in late):
+                shared, span = self._stepped(group, shared)
+                late.append((k, span, own))
+            else:
+                row, span = self._stepped(group, vector)
+                places.append((k, len(rows), span, None))
+                rows.append(row)
+        if late:
+            places += [(k, len(rows), span, own) for k, span, own in late]
+            rows.append(shared)
         if rows:
             at = base is None
             flat = self.predict(np.array([vector, *rows] if at else rows))
             start = flat[0] if base is None else base
-            out[:, where] = ((flat[1:] if at else flat) - start).T / np.array(spans)
+            for k, row_of, span, own in places:
+                change = (flat[row_of + at] - start) / span
+                out[:, k] = change if own is None else np.where(own, change, 0.0)
         return out
 
-    def bias_of(self, name: str) -> Mask | None:
-        """(N,) the samples that the sensor bias `name` shifts, None where it is something else."""
-        if not name.endswith(BIAS) or name == f"imu{BIAS}":
+    def _own_samples(self, group: tuple[str, ...]) -> Mask | None:
+        """(N,) the samples of the signals that a group of biases or latencies of signals acts on alone."""
+        parts = [n.removesuffix(e) for n in group for e in (BIAS, LATENCY) if n.endswith(e)]
+        if len(parts) != len(group) or "imu" in parts:
             return None
-        signal = name.removesuffix(BIAS)
         mask = np.zeros(self.size, dtype=bool)
         for x in self.series:
-            if x.signal == signal:
+            if x.signal in parts:
                 mask[x.part] = True
         return mask
 
-    def _stepped(self, name: str, vector: Array) -> tuple[Array, float]:
-        i = self.table.index(name)
-        p = self.table.entries[i]
-        z = p.to_search(float(vector[i]))
-        ends = sorted((p.to_search(p.lower), p.to_search(p.upper)))
-        step = p.search_step if z + p.search_step <= ends[1] else -p.search_step
+    def _stepped(self, group: tuple[str, ...], vector: Array) -> tuple[Array, float]:
+        """`vector` with the parameters of a group one search step on, and that step."""
+        first = self.table[group[0]]
+        z = first.to_search(float(vector[self.table.index(group[0])]))
+        top = max(first.to_search(first.lower), first.to_search(first.upper))
+        step = first.search_step if z + first.search_step <= top else -first.search_step
         row = np.array(vector)
-        row[i] = p.from_search(z + step)
+        for name in group:
+            i = self.table.index(name)
+            p = self.table.entries[i]
+            row[i] = p.from_search(p.to_search(float(vector[i])) + step)
         return row, step
 
     def motion(self, vector: Array) -> list[dict[str, Array]]:

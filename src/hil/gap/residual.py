@@ -72,9 +72,9 @@ def refit(
     Priors are centred on the rig file's values, not on `start`. `jacobian` (N, K): sensitivities known
     from a nearby point; they are computed anew only where steps by them stop to help.
     """
-    names = [n.name for n in nuisances]
+    names = [n.names for n in nuisances]
     sd = np.array([n.sd for n in nuisances])
-    index = [problem.table.index(n) for n in names]
+    index = [problem.table.index(n.name) for n in nuisances]
     centre = problem.base[index]
     entries = [problem.table.entries[i] for i in index]
     lower = np.maximum((np.array([p.lower for p in entries]) - centre) / sd, -LIMIT)
@@ -94,8 +94,7 @@ def refit(
         moved = 0.0
         for share in (1.0, 0.5, 0.25):
             new = z + share * (target - z)
-            trial = np.array(vector)
-            trial[index] = centre + sd * new
+            trial = _moved(problem, nuisances, vector, sd * (new - z))
             left = problem.residual(trial)
             if _cost(noise.whiten(problem, left), new) < _cost(white, z):
                 moved = float(np.max(np.abs(new - z)))
@@ -112,6 +111,15 @@ def refit(
         for k, n in enumerate(nuisances)
     )  # fmt: skip
     return Refit(vector, residual, J, fitted)
+
+
+def _moved(problem: Problem, nuisances: Sequence[Nuisance], vector: Array, steps: Array) -> Array:
+    """`vector` with each nuisance, and what is tied to it, moved by its step."""
+    out = np.array(vector)
+    for n, step in zip(nuisances, steps, strict=True):
+        for name in n.names:
+            out[problem.table.index(name)] += step
+    return out
 
 
 def _step(J: Array, white: Array, z: Array, lower: Array, upper: Array) -> tuple[Array, Array]:

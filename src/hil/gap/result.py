@@ -9,8 +9,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.gap.arrivals import Timing
 from hil.gap.cells import Cells
-from hil.gap.noise import NoiseModel, Timing
+from hil.gap.noise import NoiseModel
 from hil.gap.problem import Problem
 from hil.gap.residual import Fitted
 from hil.gap.sanity import Finding

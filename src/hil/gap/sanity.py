@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.errors import IdentificationError
+from hil.gap.draws import sensor_noise, sensor_sigma
 from hil.gap.problem import LOOSE, Problem, Series
-from hil.gap.timing import sensor_noise, sensor_sigma
 from hil.runs import Run
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ noise and rounds. A draw minus the smooth prediction is what a residual is where
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Mapping
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,13 @@ STAMP_SHARE: Final = 0.02
 Otherwise an encoder without noise would count a microsecond of timing as gap."""
 WAIT_FRAMES: Final = 2.0
 """A frame waits for up to so many others: the one on the bus and one of higher priority [R]."""
+
+
+class Wait(NamedTuple):
+    """Shares of the longest wait on the bus by which a drive's setpoints and answers vary."""
+
+    setpoints: float
+    answers: float
 
 
 def longest_wait_s(rig: RigFile) -> float:
@@ -72,23 +79,27 @@ def draws(
     vector: Array,
     rng: np.random.Generator,
     count: int,
-    level: float = 1.0,
+    waits: Mapping[str, Wait] | None = None,
 ) -> Array:
     """(count, N) residuals of records that the twin itself made, against `problem`'s own prediction.
 
-    `level`: the share of the longest wait that setpoints really vary by, 0 where stamps tell all.
+    `waits`: by actuator the shares of the longest wait by which arrivals and answers vary; default: all of it.
     """
     base = problem.predict(vector)[0]
     exact = at_ticks(problem, vector)
+    longest_s = longest_wait_s(problem.rig)
     tasks = []
     for _ in range(count):
         for k, piece in enumerate(problem.pieces):
             told = {
-                a: (_waited(t, level * longest_wait_s(problem.rig), rng), v)
+                a: (_waited(t, _wait(waits, a).setpoints * longest_s, rng), v)
                 for a, (t, v) in piece.setpoints.items()
             }
             series = [x for x in problem.series if x.stretch == k]
-            stamps = {x.signal: _late(piece, x, problem.rig, rng) for x in series}
+            stamps = {
+                x.signal: _late(piece, x, problem.rig, _wait(waits, x.actuator), rng)
+                for x in series
+            }
             twin = Twin(problem.rig, payload=piece.payload)
             tasks.append((twin.record(told, stamps, mode=piece.mode), exact))
     flat = run_all(tasks)
@@ -117,31 +128,21 @@ def _waited(t: Array, wait_s: float, rng: np.random.Generator) -> Array:
     return np.maximum.accumulate(t + late)
 
 
-def _late(piece: Stretch, x: Series, rig: RigFile, rng: np.random.Generator) -> Array:
+def _late(piece: Stretch, x: Series, rig: RigFile, wait: Wait, rng: np.random.Generator) -> Array:
     """Receive stamps moved to where the sample may really have been taken."""
     t = piece.samples[x.signal][0]
-    if x.actuator == "imu":
-        late = longest_wait_s(rig) * (rng.random(len(t)) - 0.5)
-    else:
+    late = wait.answers * longest_wait_s(rig) * (rng.random(len(t)) - 0.5)
+    if x.actuator != "imu":
         spread_s = max(rig.bus.answer_jitter, STAMP_SHARE * rig.bus.position_loop)
-        late = spread_s * rng.standard_normal(len(t))
+        late = late + spread_s * rng.standard_normal(len(t))
     return np.maximum.accumulate(t - late)
+
+
+def _wait(waits: Mapping[str, Wait] | None, place: str) -> Wait:
+    return Wait(1.0, 1.0) if waits is None else waits.get(place, Wait(1.0, 1.0))
 
 
 def _sensed(values: Array, rig: RigFile, x: Series, rng: np.random.Generator) -> Array:
     spread, step = sensor_noise(rig, x.quantity)
     noisy = values + spread * rng.standard_normal(values.shape)
     return noisy if step == 0.0 else np.asarray(np.round(noisy / step) * step)
-
-
-def fine_structure(problem: Problem, flat: Array, parts: Sequence[NDArray[np.bool_]]) -> Array:
-    """(S,) size of the fastest part of a residual in each series: a quantile of its first differences.
-
-    Differences leave out what is slow, as most gaps are; a quantile leaves out what is rare, as friction
-    at reversals is. `parts`: for each series the samples to look at.
-    """
-    out = np.empty(len(problem.series))
-    for s, (x, part) in enumerate(zip(problem.series, parts, strict=True)):
-        step = np.abs(np.diff(flat[x.part]))[part[1:]]
-        out[s] = np.quantile(step, 0.75) if len(step) else np.nan
-    return out
