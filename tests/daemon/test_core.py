@@ -39,6 +39,11 @@ def test_a_ride_in_every_mode_ends_parked_and_off(name, mode):
     assert kinds == {"position" if mode == "drive" else "force"}
 
 
+def test_six_coupled_legs_ride_under_the_slow_loops_of_the_cascade():
+    session = Session(rig_file("stewart", control={"mode": "cascade"})).engaged(3.0)
+    assert session.core.state == "engaged"
+
+
 def test_computed_torque_tracks_better_than_the_drives_own_cascade():
     def error(mode):
         session = Session(rig_file(control={"mode": mode})).engaged(6.0)

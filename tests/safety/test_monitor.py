@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from hil.configfile import load_drive, load_rig
+from hil.control.cascade import cascade_position_rate
 from hil.drives.meaning import CanlustMeaning
 from hil.drives.profile import LustProfile
 from hil.frames import Frame
@@ -90,6 +91,30 @@ def test_an_actuator_that_is_held_is_found_before_it_is_far_behind() -> None:
 
 def drive_until(told: Motion, stop_s: float) -> Motion:
     return lambda t: told(min(t, stop_s) - CYCLE)
+
+
+def watch_cascade(held: bool) -> set[Cause]:
+    """The Stewart platform's first leg under the daemon's own slow position loop, or held fast."""
+    stewart = load_rig("stewart")
+    control = stewart.control.model_copy(update={"mode": "cascade"})
+    rig = stewart.model_copy(update={"control": control})
+    monitor, rate = Monitor(rig, MEANING), cascade_position_rate(rig)
+    assert rate < 0.1 * rig.actuators[0].position_gain
+    x, causes = 1.0, set()
+    for k in range(600):
+        t = k * CYCLE
+        told = 1.0 + 0.1 * (1.0 - math.cos(0.9 * t))
+        monitor.commanded(0, told, t)
+        if not held:
+            x += CYCLE * rate * (told - x)
+        found = monitor.on_sample(0, Sample("leg1", "position", x, t + 0.0015, t + 0.0025))
+        causes |= {finding.cause for finding in found}
+    return causes
+
+
+def test_a_loop_in_the_daemon_is_held_to_its_own_lag_and_not_to_that_of_the_drive() -> None:
+    assert watch_cascade(held=False) == set()
+    assert Cause.NO_MOTION in watch_cascade(held=True)
 
 
 @pytest.mark.parametrize(("error", "found"), [(0.0299, False), (0.0301, True)])

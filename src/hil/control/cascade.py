@@ -11,7 +11,7 @@ from hil.config import RigFile
 from hil.control.observer import Observed
 from hil.control.reference import Reference
 from hil.control.setpoints import Setpoints
-from hil.rigs import Manipulator
+from hil.rigs import Manipulator, build_rig
 
 Vector = NDArray[np.float64]
 
@@ -47,6 +47,12 @@ def cascade_masses(manipulator: Manipulator) -> tuple[Vector, float]:
     mass = np.diag(felt).copy()
     modes = np.sort(np.linalg.eigvals(np.diag(mass) @ np.linalg.inv(felt)).real)
     return mass / modes[-1], float(modes[0] / modes[-1])
+
+
+def cascade_position_rate(rig: RigFile) -> float:
+    """k_p of the position loops on this rig, 1/s: they are behind a moving reference by 1/k_p."""
+    _, slowest_share = cascade_masses(build_rig(rig))
+    return cascade_rates(rig, slowest_share)[1]
 
 
 class Cascade:

@@ -14,6 +14,7 @@ from math import inf
 from typing import Final, NamedTuple
 
 from hil.config import Actuator, RigFile
+from hil.control.cascade import cascade_position_rate
 from hil.drives.meaning import FrameMeaning
 from hil.frames import Frame
 from hil.safety.reactions import Cause, Finding
@@ -51,19 +52,25 @@ class _Bounds:
     speed_max: float
     following_m: float
     lag_s: float
-    """How long a drive that works is behind its setpoints: 1/k_p + cycle + setpoint delay."""
+    """How long a loop that works is behind its setpoints: 1/k_p + cycle + setpoint delay."""
     settle_s: float
     """How long until an earlier motion has no more part in the lag."""
     answer_timeout_s: float
     cycle_s: float
 
 
-def _bounds(rig: RigFile, actuator: Actuator) -> _Bounds:
-    bus = rig.bus
+def _position_rates(rig: RigFile) -> list[float]:
+    """Rate k_p, 1/s, of the loop that brings each actuator to its setpoint: the drive's or the daemon's."""
+    if rig.control.mode == "cascade":
+        return [cascade_position_rate(rig)] * len(rig.actuators)
     # Law "pd" has a force gain, not a rate: its lag is 1/rate of its two gains' ratio.
-    rate = actuator.position_gain
-    if actuator.law == "pd":
-        rate /= max(actuator.speed_gain, 1e-9)
+    return [
+        a.position_gain / (max(a.speed_gain, 1e-9) if a.law == "pd" else 1.0) for a in rig.actuators
+    ]
+
+
+def _bounds(rig: RigFile, actuator: Actuator, rate: float) -> _Bounds:
+    bus = rig.bus
     return _Bounds(
         name=actuator.name,
         low_m=actuator.stroke[0],
@@ -177,7 +184,10 @@ class Monitor:
     """All that comes in from one rig's bus."""
 
     def __init__(self, rig: RigFile, meaning: FrameMeaning) -> None:
-        self.actuators = tuple(ActuatorMonitor(_bounds(rig, a)) for a in rig.actuators)
+        self.actuators = tuple(
+            ActuatorMonitor(_bounds(rig, a, rate))
+            for a, rate in zip(rig.actuators, _position_rates(rig), strict=True)
+        )
         self._ours = frozenset(meaning.lengths)
         self._has_imu = rig.imu is not None
         self._imu_s: float | None = None
