@@ -23,8 +23,8 @@ from hil.drives.lust_cdd3000.codec import (
     encode_request,
     frame_ids,
 )
-from hil.drives.lust_cdd3000.machine import PhaseMachine
 from hil.drives.lust_cdd3000.scales import Scales, kind_of
+from hil.drives.phases import PhaseMachine, PhaseSettings
 from hil.drives.power import PowerCommand, PowerState
 from hil.drives.profile import LustProfile
 from hil.errors import ProtocolError
@@ -33,7 +33,7 @@ from hil.signals import Event, Quantity, Sample
 
 
 class LustDriver:
-    """One drive of a rig. Its phases are told in `hil.drives.lust_cdd3000.machine`."""
+    """One drive of a rig. Its phases are told in `hil.drives.phases`."""
 
     def __init__(self, rig: RigFile, index: int, profile: LustProfile) -> None:
         actuator = rig.actuators[index]
@@ -49,7 +49,8 @@ class LustDriver:
         self._channel = ParameterChannel(rig, index, profile, self._scales)
         self._machine = PhaseMachine(
             f"{self.name} (address {address})",
-            profile,
+            phase_settings(profile),
+            Status(PowerState.NOT_READY, enpo=False),
             self._channel.configuration,
             {*rig.bus.pattern, "position"},
             rig.safety.answer_timeout,
@@ -266,3 +267,19 @@ class LustDriver:
         self.told = False
         self._first_slot_s = now_s
         self._logged_on = False
+
+
+def phase_settings(profile: LustProfile) -> PhaseSettings:
+    """Times and words of the family for its phase machine."""
+    timing = profile.timing
+    return PhaseSettings(
+        repeat_s=timing.log_on_period,
+        status_timeout_s=timing.status_timeout,
+        enable_timeout_s=timing.enable_timeout,
+        reset_hold_s=timing.reset_hold,
+        absolute=profile.homing == "absolute",
+        absent="has not logged on: is it powered, on this bus, and set to this address? "
+        "A drive that ran before may have to be switched off and on",
+        unstarted="waits for the other drives and System Start",
+        enable_input="ENPO",
+    )

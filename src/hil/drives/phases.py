@@ -1,11 +1,13 @@
-"""The phases of one drive, from its log-on to force and to a fault, as the master sees them.
+"""The phases of one drive, from its first sign of life to force and to a fault, as the master sees them.
 
-ABSENT → LOGGED_ON: its log-on frame was seen. → CONFIGURED: watchdog and settings are written and read back.
-→ READY: System Start was sent, the DRIVECOM machine stands before its last step, ENPO is there, the drive
-is referenced and has answered every quantity of the pattern. → ENABLED: it says so after we asked for it.
-→ FAULT: latched and named until PowerGoal.RESET, and from there configured again from the start.
+ABSENT → LOGGED_ON: it was heard (a log-on or boot-up frame). → CONFIGURED: watchdog and settings are written
+and read back. → READY: it was started (System Start, NMT start), the DRIVECOM machine stands before its last
+step, its hardware enable is there, it is referenced and has answered every quantity asked of it.
+→ ENABLED: it says so after we asked for it. → FAULT: latched and named until PowerGoal.RESET, and from there
+configured again from the start. One machine for every family: CiA 402 kept DRIVECOM's states.
 
-ON counts from READY only, and must be given anew there: a drive whose ENPO comes back never starts by itself.
+ON counts from READY only, and must be given anew there: a drive whose enable comes back never
+starts by itself.
 """
 
 from __future__ import annotations
@@ -13,17 +15,71 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Generic, Literal, Protocol, TypeVar
 
 from hil.drives.driver import DrivePhase, PowerGoal
-from hil.drives.lust_cdd3000.codec import Status
-from hil.drives.lust_cdd3000.configure import Configuration
 from hil.drives.power import FAULTED, PREPARED, PowerCommand, PowerState
-from hil.drives.profile import LustProfile
 from hil.signals import Event
 
-_NOTHING_KNOWN: Final = Status(PowerState.NOT_READY, enpo=False)
+ERROR_LENGTH: Final = 400
+"""What is told while a fault is latched is added to it up to so many characters: errors come in storms."""
 _MAY_ENABLE: Final = (DrivePhase.READY, DrivePhase.ENABLED)
+
+
+class Reported(Protocol):
+    """What a drive's status says, whatever the family."""
+
+    @property
+    def power(self) -> PowerState:
+        """State of its power stage."""
+
+    @property
+    def enpo(self) -> bool:
+        """Its hardware enable is there."""
+
+    @property
+    def referenced(self) -> bool:
+        """Its position counts from the rig file's zero."""
+
+
+S = TypeVar("S", bound=Reported)
+
+
+class Preparation(Protocol):
+    """What is written to a drive and read back before it may be enabled."""
+
+    failure: str | None
+    notes: list[str]
+
+    @property
+    def done(self) -> bool:
+        """All of it is verified."""
+
+    @property
+    def watchdog_ok(self) -> bool:
+        """The drive's own watchdog is verified."""
+
+    def restart(self) -> None:
+        """Nothing is verified any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseSettings:
+    """A family's times, s, and words."""
+
+    repeat_s: float
+    """A sign of a fresh start within this after the last one means nothing new."""
+    status_timeout_s: float
+    enable_timeout_s: float
+    reset_hold_s: float
+    absolute: bool
+    """Its encoder knows the rig file's zero."""
+    absent: str
+    """What to say of a drive that was not heard."""
+    unstarted: str
+    """What to say of a configured drive that was not started."""
+    enable_input: str
+    """Name of its hardware enable."""
 
 
 @dataclass(slots=True)
@@ -34,28 +90,30 @@ class _Resetting:
     edge_s: float | None = None
 
 
-class PhaseMachine:
+class PhaseMachine(Generic[S]):
     """Where a drive stands, what it is commanded, and why it stands no further."""
 
     def __init__(
         self,
         who: str,
-        profile: LustProfile,
-        configuration: Configuration,
+        settings: PhaseSettings,
+        nothing_known: S,
+        configuration: Preparation,
         quantities: Iterable[str],
         answer_timeout_s: float,
     ) -> None:
         self.phase = DrivePhase.ABSENT
         self.started = False
-        """System Start has been sent since the drive last logged on."""
+        """It has been started since it was last heard for the first time."""
         self.error: str | None = None
-        self.status = _NOTHING_KNOWN
+        self._nothing_known = nothing_known
+        self.status = nothing_known
         self.muted = False
         """Nothing may be said to the drive."""
         self.heard_s: float | None = None
         self.events: list[Event] = []
         self._who = who
-        self._profile = profile
+        self._settings = settings
         self._configuration = configuration
         self._quantities = frozenset(quantities)
         self._answer_timeout_s = answer_timeout_s
@@ -83,8 +141,7 @@ class PhaseMachine:
         elif self.phase is DrivePhase.FAULT and self._spoken_to:
             self.fault(now_s, "drive_rebooted", "has restarted since")
         elif self.phase is not DrivePhase.FAULT:
-            period_s = self._profile.timing.log_on_period
-            again = self._spoken_to and now_s - self._since_s > period_s
+            again = self._spoken_to and now_s - self._since_s > self._settings.repeat_s
             if again:
                 self._say(now_s, "warning", "drive_rebooted", "logs on again: it has restarted")
             if again or self.phase is DrivePhase.ABSENT:
@@ -92,7 +149,7 @@ class PhaseMachine:
                 return True
         return False
 
-    def took_status(self, now_s: float, status: Status) -> None:
+    def took_status(self, now_s: float, status: S) -> None:
         """A status frame was received."""
         self.heard_s = self._status_s = now_s
         self.status = status
@@ -126,7 +183,7 @@ class PhaseMachine:
     def fault(self, now_s: float, name: str, text: str) -> None:
         """Latch a fault; what is told while one is latched is added to it."""
         if self.phase is DrivePhase.FAULT:
-            if self.error is not None and text not in self.error:
+            if self.error and len(self.error) < ERROR_LENGTH and text not in self.error:
                 self.error = f"{self.error}; {text}"
             return
         self.error = f"{self._who} {text}"
@@ -187,15 +244,12 @@ class PhaseMachine:
     @property
     def referenced(self) -> bool:
         """Positions count from the rig file's zero."""
-        return self._profile.homing == "absolute" or self.status.referenced
+        return self._settings.absolute or self.status.referenced
 
     def waiting_for(self) -> str | None:
         """What keeps the drive from READY, or from heeding ON; None where nothing does, and in FAULT."""
         if self.phase is DrivePhase.ABSENT:
-            return (
-                f"{self._who} has not logged on: is it powered, on this bus, and set to this address? "
-                "A drive that ran before may have to be switched off and on"
-            )
+            return f"{self._who} {self._settings.absent}"
         if self.phase is DrivePhase.LOGGED_ON:
             return f"{self._who} is being configured"
         if self.phase is DrivePhase.READY and self._goal is PowerGoal.ON and not self._off_seen:
@@ -203,7 +257,7 @@ class PhaseMachine:
         if self.phase is not DrivePhase.CONFIGURED:
             return None
         if not self.started:
-            return f"{self._who} waits for the other drives and System Start"
+            return f"{self._who} {self._settings.unstarted}"
         if self._unanswered:
             return f"{self._who} has not answered its {', '.join(sorted(self._unanswered))} yet"
         lacks = self._lacks()
@@ -214,13 +268,13 @@ class PhaseMachine:
     def _lacks(self) -> str | None:
         """What the drive itself lacks to be enabled."""
         if not self.status.enpo:
-            return "its hardware enable ENPO is not there"
+            return f"its hardware enable {self._settings.enable_input} is not there"
         if self.status.power not in PREPARED:
             return f"its power stage is {self.status.power}"
         return None if self.referenced else "it is not referenced: home it"
 
     def _silence(self, now_s: float) -> tuple[str, str] | None:
-        status_limit_s = self._profile.timing.status_timeout
+        status_limit_s = self._settings.status_timeout_s
         limit_s = self._answer_timeout_s if self.phase in _MAY_ENABLE else status_limit_s
         quiet_s = now_s - (now_s if self.heard_s is None else self.heard_s)
         if quiet_s > limit_s:
@@ -234,32 +288,36 @@ class PhaseMachine:
         return None if failure is None else ("drive_not_configured", failure)
 
     def _power_trouble(self, now_s: float) -> tuple[str, str] | None:
-        power, timing = self.status.power, self._profile.timing
+        power, settings = self.status.power, self._settings
         if power in FAULTED:
             return "drive_error", "reports a fault in its status"
         asked = self._on_since_s is not None
         if power is PowerState.OPERATION_ENABLED:
             if self.phase is DrivePhase.ENABLED:
-                lost = None if self.status.enpo else "has lost its hardware enable ENPO"
+                lost = (
+                    None
+                    if self.status.enpo
+                    else f"has lost its hardware enable {settings.enable_input}"
+                )
                 return None if lost is None else ("enpo_lost", lost)
-            if now_s - self._enable_sent_s > timing.status_timeout:
+            if now_s - self._enable_sent_s > settings.status_timeout_s:
                 return "drive_enabled_itself", "makes force although nobody asked it to"
             return None
         if not asked or self.phase not in _MAY_ENABLE:
             return None
         if not self.status.enpo:
-            return "enpo_lost", "has lost its hardware enable ENPO"
+            return "enpo_lost", f"has lost its hardware enable {settings.enable_input}"
         if self.phase is DrivePhase.ENABLED or power not in PREPARED:
             return "drive_dropped_out", f"left operation by itself: it is now {power}"
-        if now_s - (self._on_since_s or now_s) > timing.enable_timeout:
-            return "drive_not_enabled", f"did not enable within {timing.enable_timeout:g} s"
+        if now_s - (self._on_since_s or now_s) > settings.enable_timeout_s:
+            return "drive_not_enabled", f"did not enable within {settings.enable_timeout_s:g} s"
         return None
 
     def _reset_command(self, now_s: float) -> PowerCommand:
         """Reset bit low, then high, and again: it has an edge whatever it was before."""
         if self._resetting is None:
             return PowerCommand.DISABLE
-        hold_s = self._profile.timing.reset_hold
+        hold_s = self._settings.reset_hold_s
         if (now_s - self._resetting.since_s) % (2.0 * hold_s) < hold_s:
             return PowerCommand.DISABLE
         if self._resetting.edge_s is None:
@@ -269,7 +327,7 @@ class PhaseMachine:
     def _judge_reset(self, now_s: float) -> None:
         if self._resetting is None:
             return
-        quiet_s = self._profile.timing.status_timeout
+        quiet_s = self._settings.status_timeout_s
         if self.muted or self.heard_s is None or now_s - self.heard_s > quiet_s:
             self.absent(now_s)
             return
@@ -288,7 +346,7 @@ class PhaseMachine:
     def _forget(self, now_s: float) -> None:
         """Nothing that was known of the drive holds any more."""
         self._configuration.restart()
-        self.status = _NOTHING_KNOWN
+        self.status = self._nothing_known
         self.error = None
         self.muted = False
         self._unanswered = set(self._quantities)

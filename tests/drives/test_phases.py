@@ -7,7 +7,8 @@ import pytest
 from hil.drives.driver import DrivePhase, PowerGoal
 from hil.drives.lust_cdd3000.codec import Answer, AnswerStatus, Status
 from hil.drives.lust_cdd3000.configure import Configuration, gains_of, settings_of
-from hil.drives.lust_cdd3000.machine import PhaseMachine
+from hil.drives.lust_cdd3000.driver import phase_settings
+from hil.drives.phases import PhaseMachine
 from hil.drives.power import PowerCommand, PowerState
 from tests.drives.exchange import profile_of, rig_of
 
@@ -33,7 +34,14 @@ def configuration(*, verified: bool) -> Configuration:
 def test_enable_needs_phase_watchdog_start_and_goal(
     phase: DrivePhase, verified: bool, started: bool, goal: PowerGoal
 ) -> None:
-    machine = PhaseMachine("x", PROFILE, configuration(verified=verified), ("position",), 0.1)
+    machine = PhaseMachine(
+        "x",
+        phase_settings(PROFILE),
+        Status(PowerState.NOT_READY, enpo=False),
+        configuration(verified=verified),
+        ("position",),
+        0.1,
+    )
     machine.phase, machine.started = phase, started
     machine.took_status(0.0, Status(PowerState.READY_TO_SWITCH_ON, enpo=True, referenced=True))
     machine.wants(0.0, PowerGoal.OFF)
