@@ -16,6 +16,9 @@ ERR_FLAG: Final = 0x2000_0000
 SFF_MASK: Final = 0x7FF
 EFF_MASK: Final = 0x1FFF_FFFF
 
+BUS_SHIFT: Final = 29
+"""Bits of the longest identifier."""
+
 _LAYOUT: Final = struct.Struct("=IB3x8s")
 
 
@@ -27,6 +30,13 @@ class Frame(NamedTuple):
     is_extended: bool = False
     is_remote: bool = False
     is_error: bool = False
+    bus: int = 0
+    """Which of the rig's buses it travels on; a frame on the wire does not say."""
+
+    @property
+    def key(self) -> int:
+        """Identifier and bus in one number: the identifier itself on a rig's first bus."""
+        return self.bus << BUS_SHIFT | self.can_id
 
     def __str__(self) -> str:
         width = 8 if self.is_extended else 3

@@ -67,12 +67,21 @@ class DriveNode(Settings):
     address: int | None = Field(
         None, ge=0, le=127, description="node address on the bus; default: position in the list + 1"
     )
+    bus: Annotated[int, Field(ge=0, le=3)] = Field(
+        0, description="which of the rig's buses it is on: 0 is [can], 1 the first of can.further"
+    )
+    cyclic: Literal["position", "velocity"] = Field(
+        "position",
+        description="CiA 402, control.mode drive: position: csp, or ip where the drive lacks it, loop in "
+        "the drive; velocity: csv, position loop in the daemon by position_gain and velocity_ff",
+    )
     counts_per_unit: Positive = Field(
         1.0e6, description="position increments per m (or rad) at the actuator's output"
     )
     force_per_count: Positive = Field(
         1.0,
-        description="N (or N·m) per increment of the drive's torque answer and torque reference",
+        description="N (or N·m) per increment of the drive's torque answer and torque reference; CiA 402: "
+        "per thousandth of the rated torque",
     )
     current_per_count: Positive = Field(0.01, description="A per increment of the current answer")
 

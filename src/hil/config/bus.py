@@ -16,7 +16,7 @@ class Bus(Settings):
     schedule: Literal["parameter", "fast"] = Field(
         "parameter",
         description="parameter: one parameter pair a drive and cycle, quantities take turns; "
-        "fast: every quantity of every drive each cycle",
+        "fast: every quantity of every drive each cycle (CiA 402, at SYNC)",
     )
     cycle: Annotated[float, Field(ge=0.0005, le=0.1)] = Field(
         0.01, description="period of setpoints and slots, s"
@@ -45,6 +45,15 @@ class Bus(Settings):
     )
 
 
+class FurtherBus(Settings):
+    """A further bus of the rig: its drives say so in actuators.drive.bus."""
+
+    url: str = Field("socketcan:can1", description="as can.url")
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = Field(
+        1_000_000, description="bit rate, bit/s"
+    )
+
+
 class Can(Settings):
     """The interface behind the bus."""
 
@@ -59,6 +68,19 @@ class Can(Settings):
         0x0A0,
         description="identifier of the IMU node's gyro frame; accelerometer frame is one above",
     )
+    further: Annotated[tuple[FurtherBus, ...], Field(max_length=3)] = Field(
+        (), description="further buses, for rigs whose drives do not fit on one"
+    )
+
+    @property
+    def urls(self) -> tuple[str, ...]:
+        """Where each bus is, in the order by which actuators.drive.bus counts."""
+        return (self.url, *(b.url for b in self.further))
+
+    @property
+    def bitrates(self) -> tuple[int, ...]:
+        """Bit rate of each bus, bit/s."""
+        return (self.bitrate, *(b.bitrate for b in self.further))
 
 
 class Imu(Settings):

@@ -142,6 +142,15 @@ class RigFile(Settings):
         addresses = [self.address(i) for i in range(len(names))]
         if len(set(addresses)) != len(addresses):
             raise ValueError(f"actuators: drive addresses are not unique: {addresses}")
+        buses = len(self.can.urls)
+        for actuator in self.actuators:
+            if actuator.drive.bus >= buses:
+                raise ValueError(
+                    f"actuators: {actuator.name} is on bus {actuator.drive.bus}, but there are {buses}: 0 is "
+                    "[can], each [[can.further]] is one more"
+                )
+        if len(set(self.can.urls)) != buses:
+            raise ValueError(f"can: two buses have the same url: {', '.join(self.can.urls)}")
         return self
 
     @property

@@ -74,6 +74,9 @@ class DriveDriver(Protocol):
 
     name: str
     setpoint_kind: SetpointKind
+    """What it is told."""
+    wire_kind: SetpointKind
+    """What it makes of that for its drive."""
 
     @property
     def status(self) -> DriveStatus:
@@ -93,7 +96,11 @@ class DriveDriver(Protocol):
 
 
 class DriveBus(Protocol):
-    """All drives of one family on one bus, in the order of the rig file's actuators."""
+    """All drives of a rig, or those of one family on one bus, in the order of the rig file's actuators."""
+
+    @property
+    def is_synchronous(self) -> bool:
+        """Whether `on_sync` has anything to send."""
 
     @property
     def meaning(self) -> FrameMeaning:
@@ -107,6 +114,9 @@ class DriveBus(Protocol):
 
     def on_frame(self, now_s: float, frame: Frame) -> list[Sample | Event]:
         """Hand a received frame to the drivers that it concerns."""
+
+    def on_sync(self, now_s: float) -> list[Frame]:
+        """The cycle begins now: frames to send before anything is reckoned."""
 
     def on_cycle(self, now_s: float) -> list[Frame]:
         """Frames that concern the whole bus; call once each cycle, before the slots."""

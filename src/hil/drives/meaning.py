@@ -17,8 +17,8 @@ from hil.drives.lust_cdd3000 import codec
 from hil.drives.power import PowerCommand
 from hil.drives.profile import LustProfile, Parameters
 
-SetpointKind = Literal["position", "force"]
-"""m or rad in the rig file's coordinates, or N or N·m; at the actuator's output."""
+SetpointKind = Literal["position", "force", "velocity"]
+"""m or rad in the rig file's coordinates, N or N·m, or m/s or rad/s; at the actuator's output."""
 
 
 @unique
@@ -39,6 +39,12 @@ class Ask(Enum):
     """One parameter of one drive read."""
     WRITE = "write"
     """One parameter of one drive written."""
+    NETWORK = "network"
+    """One node, or all, started, stopped or reset as a communication partner (NMT)."""
+    SYNC = "sync"
+    """The instant for which all drives' values hold."""
+    ALIVE = "alive"
+    """We are here: our heartbeat."""
     UNKNOWN = "unknown"
     """A frame that the family's layout does not explain in full."""
 

@@ -49,6 +49,8 @@ class Preparation(Protocol):
     """What is written to a drive and read back before it may be enabled."""
 
     failure: str | None
+    failure_name: str
+    """Stable name of the failure."""
     notes: list[str]
 
     @property
@@ -284,8 +286,8 @@ class PhaseMachine(Generic[S]):
         return None
 
     def _refusal(self) -> tuple[str, str] | None:
-        failure = self._configuration.failure
-        return None if failure is None else ("drive_not_configured", failure)
+        prepared = self._configuration
+        return None if prepared.failure is None else (prepared.failure_name, prepared.failure)
 
     def _power_trouble(self, now_s: float) -> tuple[str, str] | None:
         power, settings = self.status.power, self._settings

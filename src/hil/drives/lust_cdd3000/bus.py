@@ -32,6 +32,8 @@ _CONFIGURED = (DrivePhase.CONFIGURED, DrivePhase.READY)
 class LustBus:
     """The drives of a rig, in the order of its actuators, and the bus that they share."""
 
+    is_synchronous = False
+
     def __init__(self, rig: RigFile, profile: LustProfile) -> None:
         self._profile = profile
         self._drivers = tuple(LustDriver(rig, i, profile) for i in range(len(rig.actuators)))
@@ -71,6 +73,10 @@ class LustBus:
         for driver in self._by_id.get(frame.can_id, ()):
             out.extend(driver.on_frame(now_s, frame))
         return out
+
+    def on_sync(self, now_s: float) -> list[Frame]:
+        """CANLust has no common instant."""
+        return []
 
     def on_cycle(self, now_s: float) -> list[Frame]:
         """System Start or System Stop where it is due. Call once each cycle, before the slots."""

@@ -121,6 +121,8 @@ class _Step(Enum):
 class Configuration:
     """Works through settings and gains, one request at a time."""
 
+    failure_name = "drive_not_configured"
+
     def __init__(
         self, settings: tuple[Setting, ...], gains: tuple[Gain, ...], barrier: int
     ) -> None:

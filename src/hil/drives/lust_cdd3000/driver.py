@@ -24,6 +24,7 @@ from hil.drives.lust_cdd3000.codec import (
     frame_ids,
 )
 from hil.drives.lust_cdd3000.scales import Scales, kind_of
+from hil.drives.meaning import SetpointKind
 from hil.drives.phases import PhaseMachine, PhaseSettings
 from hil.drives.power import PowerCommand, PowerState
 from hil.drives.profile import LustProfile
@@ -39,7 +40,8 @@ class LustDriver:
         actuator = rig.actuators[index]
         address = rig.address(index)
         self.name = actuator.name
-        self.setpoint_kind = kind_of(rig, profile)
+        self.setpoint_kind: SetpointKind = kind_of(rig, profile)
+        self.wire_kind: SetpointKind = self.setpoint_kind
         self.frames = frame_ids(profile.ids, address)
         self.told = False
         """A control frame has been sent since the drive last logged on."""

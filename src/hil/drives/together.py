@@ -1,0 +1,143 @@
+"""Several buses and several families of one rig as one `DriveBus`.
+
+Each part speaks of its own actuators and its own bus; here they are numbered as in the rig file, and
+frames carry the number of their bus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from hil.drives.driver import DriveBus, DriveDriver, DriveStatus, PowerGoal
+from hil.drives.meaning import FrameMeaning, Meaning
+from hil.errors import ConfigError
+from hil.frames import BUS_SHIFT, EFF_MASK, Frame
+from hil.signals import Event, Sample
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """The drives of one family on one bus; `actuators` are their places in the rig file."""
+
+    bus: int
+    drives: DriveBus
+    actuators: tuple[int, ...]
+
+    def marked(self, frames: Sequence[Frame]) -> list[Frame]:
+        """The frames with the number of this part's bus."""
+        return [f._replace(bus=self.bus) for f in frames] if self.bus else list(frames)
+
+
+class OnBus:
+    """A driver whose frames carry its bus."""
+
+    def __init__(self, driver: DriveDriver, part: Part) -> None:
+        self.driver = driver
+        self.name = driver.name
+        self.setpoint_kind = driver.setpoint_kind
+        self.wire_kind = driver.wire_kind
+        self._part = part
+
+    @property
+    def status(self) -> DriveStatus:
+        """The drive as known now."""
+        return self.driver.status
+
+    def ids(self) -> frozenset[int]:
+        """Keys of the frames that it looks at."""
+        return frozenset(self._part.bus << BUS_SHIFT | i for i in self.driver.ids())
+
+    def on_frame(self, now_s: float, frame: Frame) -> list[Sample | Event]:
+        """Take a frame of its bus."""
+        return self.driver.on_frame(now_s, frame) if frame.bus == self._part.bus else []
+
+    def on_slot(self, now_s: float, goal: PowerGoal, setpoint: float | None) -> list[Frame]:
+        """Frames of its slot."""
+        return self._part.marked(self.driver.on_slot(now_s, goal, setpoint))
+
+    def take_events(self) -> list[Event]:
+        """Events not handed out yet."""
+        return self.driver.take_events()
+
+
+class TogetherMeaning:
+    """The parts' readings of frames, by bus and identifier."""
+
+    def __init__(self, parts: Sequence[Part]) -> None:
+        self.lengths: dict[int, int] = {}
+        self.writable: frozenset[int] = frozenset().union(
+            *(p.drives.meaning.writable for p in parts)
+        )
+        self._of: dict[int, tuple[FrameMeaning, tuple[int, ...]]] = {}
+        for part in parts:
+            meaning = part.drives.meaning
+            for can_id, length in meaning.lengths.items():
+                key = part.bus << BUS_SHIFT | can_id
+                self.lengths[key] = length
+                self._of[key] = (meaning, part.actuators)
+
+    def meaning(self, can_id: int, data: bytes) -> Meaning:
+        """What a frame asks, its actuator counted as in the rig file; `can_id` is the frame's key."""
+        part, actuators = self._of[can_id]
+        meant = part.meaning(can_id & EFF_MASK, data)
+        if meant.actuator is None or actuators[meant.actuator] == meant.actuator:
+            return meant
+        return replace(meant, actuator=actuators[meant.actuator])
+
+
+class DrivesTogether:
+    """All drives of a rig, in the order of its actuators; ConfigError where identifiers collide."""
+
+    def __init__(self, rig_name: str, parts: Sequence[Part], imu_ids: Sequence[int] = ()) -> None:
+        self._parts = tuple(parts)
+        _check_identifiers(rig_name, self._parts, imu_ids)
+        placed = {a: OnBus(d, p) for p in parts for a, d in zip(p.actuators, p.drives, strict=True)}
+        self._drivers = tuple(placed[a] for a in sorted(placed))
+        self.meaning = TogetherMeaning(self._parts)
+        self.is_synchronous = any(p.drives.is_synchronous for p in parts)
+
+    def __len__(self) -> int:
+        return len(self._drivers)
+
+    def __getitem__(self, index: int) -> OnBus:
+        return self._drivers[index]
+
+    def __iter__(self) -> Iterator[OnBus]:
+        return iter(self._drivers)
+
+    def on_frame(self, now_s: float, frame: Frame) -> list[Sample | Event]:
+        """Hand a received frame to the parts on its bus."""
+        out: list[Sample | Event] = []
+        for part in self._parts:
+            if part.bus == frame.bus:
+                out += part.drives.on_frame(now_s, frame)
+        return out
+
+    def on_sync(self, now_s: float) -> list[Frame]:
+        """SYNC of every bus that has one."""
+        return [f for p in self._parts for f in p.marked(p.drives.on_sync(now_s))]
+
+    def on_cycle(self, now_s: float) -> list[Frame]:
+        """Frames that concern whole buses."""
+        return [f for p in self._parts for f in p.marked(p.drives.on_cycle(now_s))]
+
+    def take_events(self) -> list[Event]:
+        """Events of all parts."""
+        return [e for p in self._parts for e in p.drives.take_events()]
+
+
+def _check_identifiers(rig_name: str, parts: Sequence[Part], imu_ids: Sequence[int]) -> None:
+    taken: dict[int, str] = dict.fromkeys(imu_ids, "the IMU")
+    for part in parts:
+        names = dict.fromkeys(part.drives.meaning.lengths, "our frames to " + part.drives[0].name)
+        for driver in part.drives:
+            names |= dict.fromkeys(driver.ids() - names.keys(), driver.name)
+        for can_id, whose in names.items():
+            key = part.bus << BUS_SHIFT | can_id
+            if key in taken:
+                raise ConfigError(
+                    f"{rig_name}: identifier {can_id:#05x} on bus {part.bus} is {whose}'s and "
+                    f"{taken[key]}'s: change actuators.drive.address, actuators.drive.bus or can.imu_base_id"
+                )
+            taken[key] = whose
