@@ -29,6 +29,8 @@ LEVELS: Final = (0.0, 0.15, 0.3, 0.6, 1.0)
 VISIBLE: Final = 1.5
 """Timing shows at samples where it makes the noise so many times the sensor's."""
 ENOUGH: Final = 30
+LOOK_S: Final = 12.0
+"""Of the stretch that moves most, that is looked at: ticks show everywhere alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,7 @@ class Timing:
 
 def find_timing(problem: Problem, rng: np.random.Generator) -> Timing:
     """Delays, whether ticks can be told, and how much arrivals vary, for a smooth `problem`."""
+    problem = _sample(problem)
     base = problem.base
     spread = np.sqrt(np.mean(draws(problem, base, rng, 2) ** 2, axis=0))
     parts = [_moving(problem, k, spread[x.part]) for k, x in enumerate(problem.series)]
@@ -69,6 +72,15 @@ def find_timing(problem: Problem, rng: np.random.Generator) -> Timing:
     best, size = (problem, smooth_size) if found.smooth else (coarse, coarse_size)
     vector = found.start(best)
     return replace(found, waits=_waits(best, vector, size, parts, rng))
+
+
+def _sample(problem: Problem) -> Problem:
+    """The first LOOK_S of the stretch that moves most, as a problem of its own."""
+    spread = [sum(float(np.std(v)) for _, v in p.setpoints.values()) for p in problem.pieces]
+    piece = problem.pieces[int(np.argmax(spread))]
+    moving = [float(t[np.argmax(v != v[0])]) for t, v in piece.setpoints.values()]
+    end = max(min(moving), piece.span_s[0]) + LOOK_S
+    return Problem(problem.rig, [piece.until(end)], settle_s=problem.settle_s)
 
 
 def _waits(

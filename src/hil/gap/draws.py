@@ -83,7 +83,7 @@ def draws(
 ) -> Array:
     """(count, N) residuals of records that the twin itself made, against `problem`'s own prediction.
 
-    `waits`: by actuator the shares of the longest wait by which arrivals and answers vary; default: all of it.
+    `waits`: by actuator the shares of the longest wait by which arrivals and answers vary; default: all.
     """
     base = problem.predict(vector)[0]
     exact = at_ticks(problem, vector)

@@ -75,7 +75,7 @@ def locate(
     timing = find_timing(smooth, rng)
     problem, start = smooth.with_ticks(smooth=timing.smooth), timing.start(smooth)
     chosen = nuisances or default_nuisances(rig, problem.signals, timing.delays_s)
-    guess = find_noise(problem, start, timing, rng, count=4)
+    guess = find_noise(problem, start, timing, rng, count=2)
     best = refit(problem, guess, chosen, start)
     found = find_noise(
         problem, best.vector, timing, rng, repeats=find_repeats(problem), residual=best.residual

@@ -28,10 +28,12 @@ from hil.gap.repeats import Repeats
 
 Array = NDArray[np.float64]
 
-DRAWS: Final = 10
+DRAWS: Final = 6
 WINDOW_S: Final = 0.3
 """Over which the spread of the draws is averaged in time."""
 ORDER: Final = 6
+LEVEL_RANGE: Final = (0.5, 3.0)
+"""Times the noise model; more than that in the fastest part of a residual is gap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +133,8 @@ def find_noise(
 ) -> NoiseModel:
     """The floor at `vector`: the model's draws, set right by repeats of the same motion where there are any.
 
-    `residual` at `vector` is needed where `repeats` are given.
+    With the `residual` at `vector` the draws are brought to the level of its fastest part, in which noise
+    is and a gap hardly; it is needed where `repeats` are given.
     """
     drawn = draws(problem, vector, rng, count, timing.waits)
     most = max((w.setpoints for w in timing.waits.values()), default=1.0)
@@ -141,6 +144,10 @@ def find_noise(
         f"noise model: the rig file's sensor noise and rounding, answers' jitter, setpoints that act {ticks} "
         f"after waits that vary by up to {wait_us:.0f} µs; {count} records drawn from the twin itself"
     )
+    if residual is not None:
+        drawn, factors = _by_finest(problem, drawn, residual)
+        low, high = min(factors), max(factors)
+        text += f", each signal's level times {low:.2g} to {high:.2g} by the fastest part of its residual"
     if not repeats or residual is None:
         return from_draws(problem, drawn, "model", text)
     scaled, factors = _by_repeats(problem, drawn, repeats, residual)
@@ -153,6 +160,24 @@ def find_noise(
         f"{what}: half the difference of their residuals is noise, {low:.2g} to {high:.2g} times the noise "
         "model, whose shape in time is kept",
     )
+
+
+def _by_finest(problem: Problem, drawn: Array, residual: Array) -> tuple[Array, list[float]]:
+    """Draws scaled series by series to the median size of the residual's second differences.
+
+    They leave out what is slow, the median what is rare: kicks at reversals, lost frames.
+    """
+    out, factors = np.array(drawn), []
+    for x in problem.series:
+        kept = problem.kept[x.part]
+        if kept.sum() < 50:
+            continue
+        fine = np.median(np.abs(np.diff(residual[x.part][kept], 2)))
+        modelled = np.median(np.abs(np.diff(drawn[:, x.part][:, kept], 2, axis=1)))
+        factor = float(np.clip(fine / max(modelled, 1e-300), *LEVEL_RANGE))
+        out[:, x.part] *= factor
+        factors.append(factor)
+    return out, factors or [1.0]
 
 
 def _by_repeats(

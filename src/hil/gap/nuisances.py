@@ -21,6 +21,8 @@ MASS: Final = 0.015
 COG_M: Final = 0.005
 VISCOUS: Final = 0.10
 """Of the rig file's own viscous friction: it follows the oil's temperature [R]."""
+COULOMB: Final = 0.10
+"""Of the rig file's own Coulomb friction: it follows wear, oil and load [R]."""
 DELAY_S: Final = 0.0004
 """A setpoint's way to its drive: mean wait on the bus and phase of the drive's ticks [R]."""
 LATENCY_S: Final = 0.0004
@@ -43,6 +45,8 @@ class Nuisance:
     unit: str
     tied: tuple[str, ...] = ()
     """Parameters that move with it by as much."""
+    mean: float = 0.0
+    """Of the prior, from the rig file's value: what a healthy reference was found to have."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -68,6 +72,7 @@ def default_nuisances(
     for a in rig.actuators:
         sd = max(VISCOUS * a.viscous, 1e-3 * a.force_max)
         out.append(Nuisance(f"{a.name}.viscous_friction.coefficient", sd, "N·s/m"))
+        out.append(Nuisance(f"{a.name}.coulomb_friction.force", COULOMB * a.coulomb, "N"))
         if rig.bus.setpoint_delay > 0.0 and a.name not in aligned:
             out.append(Nuisance(f"{a.name}.transport_delay.delay", DELAY_S, "s"))
         answers = [

@@ -152,13 +152,16 @@ class Problem:
             return self
         return Problem(self.rig, self.pieces, smooth=smooth, settle_s=self.settle_s)
 
-    def predict(self, vectors: Array) -> Array:
-        """(B, N) samples for B parameter vectors (B, P of the table)."""
+    def answers(self, vectors: Array) -> Array:
+        """(B, N) samples for B parameter vectors (B, P of the table); NaN where the twin cannot stand."""
         rows = np.atleast_2d(vectors)
-        tasks = [(job, row) for row in rows for job in self.jobs]
-        flat = run_all([(job, row) for job, row in tasks])
+        flat = run_all([(job, row) for row in rows for job in self.jobs])
         per = len(self.jobs)
-        out = np.array([np.concatenate(flat[b * per : (b + 1) * per]) for b in range(len(rows))])
+        return np.array([np.concatenate(flat[b * per : (b + 1) * per]) for b in range(len(rows))])
+
+    def predict(self, vectors: Array) -> Array:
+        """`answers`; IdentificationError where the twin cannot stand with the first of `vectors`."""
+        out = self.answers(vectors)
         if not np.all(np.isfinite(out[0])):
             raise IdentificationError(
                 f"{self.rig.name}: the twin cannot stand where the run began: is it the rig file of the "

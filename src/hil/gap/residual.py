@@ -69,13 +69,13 @@ def refit(
 ) -> Refit:
     """Fit `nuisances` from `start` (default: the rig file's own values), each within LIMIT of its prior.
 
-    Priors are centred on the rig file's values, not on `start`. `jacobian` (N, K): sensitivities known
+    Priors are centred on the rig file's values plus their own means, whatever `start` is. `jacobian` (N, K): sensitivities known
     from a nearby point; they are computed anew only where steps by them stop to help.
     """
     names = [n.names for n in nuisances]
     sd = np.array([n.sd for n in nuisances])
     index = [problem.table.index(n.name) for n in nuisances]
-    centre = problem.base[index]
+    centre = problem.base[index] + np.array([n.mean for n in nuisances])
     entries = [problem.table.entries[i] for i in index]
     lower = np.maximum((np.array([p.lower for p in entries]) - centre) / sd, -LIMIT)
     upper = np.minimum((np.array([p.upper for p in entries]) - centre) / sd, LIMIT)
@@ -106,7 +106,7 @@ def refit(
             J, fresh = problem.jacobian(names, vector, problem.measured - residual), True
     spread = np.sqrt(np.diag(np.linalg.inv(information)))
     fitted = tuple(
-        Fitted(n.name, n.unit, float(n.sd * z[k]), float(n.sd * spread[k]), n.sd,
+        Fitted(n.name, n.unit, float(n.mean + n.sd * z[k]), float(n.sd * spread[k]), n.sd,
                bool(min(z[k] - lower[k], upper[k] - z[k]) < 1e-3))
         for k, n in enumerate(nuisances)
     )  # fmt: skip

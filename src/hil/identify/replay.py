@@ -41,6 +41,14 @@ class Stretch:
         ends = [(t[0], t[-1]) for t, _ in self.samples.values() if len(t)]
         return min(a for a, _ in ends), max(b for _, b in ends)
 
+    def until(self, end_s: float) -> Stretch:
+        """The stretch up to `end_s`."""
+        return replace(
+            self,
+            setpoints={a: _cut(s, -np.inf, end_s) for a, s in self.setpoints.items()},
+            samples={c: _cut(s, -np.inf, end_s) for c, s in self.samples.items()},
+        )
+
     def with_samples(self, samples: Mapping[str, Array]) -> Stretch:
         """The same stretch with other values at the same instants, for the signals given."""
         return replace(self, samples={s: (self.samples[s][0], v) for s, v in samples.items()})

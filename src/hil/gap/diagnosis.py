@@ -1,0 +1,10 @@
+"""tmp"""
+
+
+class Cause: ...
+
+
+class Diagnosis: ...
+
+
+class Held: ...

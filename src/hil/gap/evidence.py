@@ -1,0 +1,129 @@
+"""How much the data speak for each fit, and which fits these data cannot tell apart.
+
+A fit's evidence is Laplace's approximation: what is left on the training samples, what the nuisances' priors
+cost, and what freedom its parameters had and did not need. What is left is no independent noise: the twin is
+wrong in small ways everywhere, so the spread and the correlation of the best fit's own whitened residual
+set what one sample is worth. Fits whose answers differ by less than the floor stand in one class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.fit import Calibrated, Fit, _size, huber
+
+Array = NDArray[np.float64]
+
+TEMPER: Final = 2.0
+"""What the evidence of a sample is divided by on top, for what no correlation shows: set on training cases."""
+RANGE: Final = 10.0
+"""Prior range of a parameter, in its own scales."""
+MORE: Final = 4.0
+"""Nats that each further effect must earn beyond its parameters."""
+ALIKE: Final = 0.5
+"""Floors by which the answers of two fits may differ on any signal within one class."""
+LONGEST_LAG: Final = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Weighed:
+    """A fit with its evidence."""
+
+    fit: Fit
+    log_evidence: float
+    probability: float
+
+
+def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], dict[str, float]]:
+    """Every fit with its probability among them, best first; and by signal what a sample is divided by."""
+    best = min(fits, key=lambda f: f.cost(c.train) + f.prior_cost)
+    worth = temper(c, best)
+    logs = np.array([log_evidence(c, f, worth) for f in fits])
+    p = np.exp(logs - logs.max())
+    p /= p.sum()
+    order = np.argsort(-logs)
+    return [Weighed(fits[k], float(logs[k]), float(p[k])) for k in order], worth
+
+
+def temper(c: Calibrated, best: Fit) -> dict[str, float]:
+    """By signal, how many samples of the best fit's whitened residual count as one, TEMPER apart; >= 1."""
+    out: dict[str, float] = {}
+    for signal in c.problem.signals:
+        value, weight = 0.0, 0.0
+        for x in c.problem.series:
+            if x.signal != signal:
+                continue
+            w = best.white[x.part][c.train[x.part]]
+            if len(w) < 20:
+                continue
+            w = np.clip(w, -4.0, 4.0)
+            value += float(np.mean(w**2)) * _correlation_time(w) * len(w)
+            weight += len(w)
+        out[signal] = max(value / weight, 1.0) if weight else 1.0
+    return out
+
+
+def _correlation_time(w: Array) -> float:
+    """Integrated autocorrelation time in samples, up to the first lag at which it has gone [M: Sokal]."""
+    w = w - w.mean()
+    n = len(w)
+    spectrum = np.abs(np.fft.rfft(w, 2 * n)) ** 2
+    r = np.fft.irfft(spectrum)[: min(n // 4, LONGEST_LAG)]
+    r = r / max(r[0], 1e-300)
+    total = 1.0
+    for k in range(1, len(r)):
+        if k > 5.0 * total:
+            break
+        total += 2.0 * max(float(r[k]), 0.0)
+    return max(total, 1.0)
+
+
+def log_evidence(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
+    """Nats."""
+    data, mean = 0.0, 0.0
+    for x in c.problem.series:
+        rows = c.train[x.part]
+        data += float(np.sum(huber(f.white[x.part][rows]))) / worth[x.signal]
+    mean = float(np.mean(list(worth.values())))
+    total = -data / TEMPER - f.prior_cost
+    for name, sd in zip(f.names, f.search_sd, strict=True):
+        p = c.problem.table[name]
+        x = p.to_search(float(f.values[f.names.index(name)]))
+        free = RANGE * _size(p, x)
+        spread = np.sqrt(2.0 * np.pi) * sd * np.sqrt(TEMPER * mean)
+        total += float(np.log(min(spread / free, 1.0))) if spread > 0.0 else 0.0
+    return total - MORE * max(len(f.leaves) - 1, 0)
+
+
+def distance(c: Calibrated, a: Fit, b: Fit) -> float:
+    """Largest root mean square difference of two fits' answers on any signal, in its floor."""
+    floors = c.noise.floor(c.problem)
+    worst = 0.0
+    for signal in c.problem.signals:
+        total, count = 0.0, 0
+        for x in c.problem.series:
+            if x.signal == signal:
+                rows = c.problem.kept[x.part]
+                d = (a.residual[x.part] - b.residual[x.part])[rows]
+                total += float(d @ d)
+                count += len(d)
+        worst = max(worst, float(np.sqrt(total / max(count, 1))) / max(floors[signal], 1e-300))
+    return worst
+
+
+def classes(c: Calibrated, fits: Sequence[Fit]) -> list[int]:
+    """For each of `fits` (best first) the number of its class: that of the first it is like."""
+    heads: list[Fit] = []
+    out = []
+    for f in fits:
+        near = next((k for k, h in enumerate(heads) if distance(c, f, h) < ALIKE), None)
+        if near is None:
+            heads.append(f)
+            near = len(heads) - 1
+        out.append(near)
+    return out

@@ -1,0 +1,304 @@
+"""Candidates fitted through the twin: their parameters by Gauss and Newton, the nuisances along with them.
+
+Sensitivities to nuisances are those of the calibrated twin; those to the candidate's own parameters are
+computed anew at each step. Every trial is a replay of the whole record, so a fit that is reported is what
+the twin really answers, not what a linear picture of it promises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from hil.gap.bank import shifted
+from hil.gap.leaves import Changes, Leaf
+from hil.gap.noise import NoiseModel
+from hil.gap.nuisances import LIMIT, Nuisance
+from hil.gap.problem import Mask, Problem
+from hil.gap.residual import Refit
+
+Array = NDArray[np.float64]
+
+HUBER: Final = 3.0
+ROUNDS: Final = 4
+SETTLED: Final = 0.02
+"""A round that gains less than this share of what is left ends the fit."""
+WEAK: Final = 30.0
+"""Prior spread of a candidate's parameter in its own scales: keeps what data do not hold from running off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrated:
+    """The twin as calibration left it, whitened once for all fits; K nuisances."""
+
+    problem: Problem
+    noise: NoiseModel
+    nuisances: tuple[Nuisance, ...]
+    vector: Array
+    residual: Array
+    white: Array
+    """(N,) the residual whitened."""
+    jacobian: Array
+    """(N, K) whitened, per prior standard deviation."""
+    z: Array
+    """(K,) where the nuisances stand, in prior standard deviations."""
+    train: Mask
+    """(N,) samples that fits may see."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Candidates with the parameters that fit best."""
+
+    leaves: tuple[Leaf, ...]
+    names: tuple[str, ...]
+    """(P,) parameters that were moved."""
+    values: Array
+    """(P,)."""
+    search_sd: Array
+    """(P,) standard deviation of each in its search coordinate, given independent noise of spread 1."""
+    vector: Array
+    residual: Array
+    white: Array
+    z: Array
+    """(K,) nuisances."""
+    at_bound: tuple[str, ...]
+
+    def cost(self, train: Mask) -> float:
+        """Robust half sum of squares over `train` samples."""
+        return float(np.sum(huber(self.white[train])))
+
+    @property
+    def prior_cost(self) -> float:
+        """What the nuisances' priors cost."""
+        return float(0.5 * self.z @ self.z)
+
+
+def huber(white: Array) -> Array:
+    """Half squares, linear beyond HUBER."""
+    size = np.abs(white)
+    return np.asarray(np.where(size <= HUBER, 0.5 * size**2, HUBER * (size - 0.5 * HUBER)))
+
+
+def calibrated(
+    problem: Problem,
+    noise: NoiseModel,
+    nuisances: Sequence[Nuisance],
+    best: Refit,
+    train: Mask,
+) -> Calibrated:
+    """What fits start from."""
+    sd = np.array([n.sd for n in nuisances])
+    mean = np.array([n.mean for n in nuisances])
+    index = [problem.table.index(n.name) for n in nuisances]
+    z = (best.vector[index] - problem.base[index] - mean) / sd
+    return Calibrated(
+        problem, noise, tuple(nuisances), best.vector, best.residual,
+        noise.whiten(problem, best.residual),
+        noise.whiten(problem, best.jacobian) * sd, z, train & problem.kept,
+    )  # fmt: skip
+
+
+def own_nuisances(c: Calibrated, leaves: Sequence[Leaf]) -> list[int]:
+    """Nuisances that are parameters of `leaves` and so are not held by their priors any more."""
+    mine = {p for leaf in leaves for p in leaf.parameters}
+    return [k for k, n in enumerate(c.nuisances) if mine.intersection(n.names)]
+
+
+def fit(
+    c: Calibrated, leaves: Sequence[Leaf], start: Mapping[str, float], rounds: int = ROUNDS
+) -> Fit | None:
+    """Fit the parameters named in `start` (values as for a twin without effects); None where the twin cannot
+    stand there."""
+    problem = c.problem
+    own = own_nuisances(c, leaves)
+    held = [k for k in range(len(c.nuisances)) if k not in own]
+    A = c.jacobian[:, held][c.train]
+    sd = np.array([c.nuisances[k].sd for k in held])
+    z = c.z[held].copy()
+    vector = np.array(c.vector)
+    names = list(start)
+    entries = [problem.table[n] for n in names]
+    index = [problem.table.index(n) for n in names]
+    for i, n in zip(index, names, strict=True):
+        vector[i] = shifted(problem, n, float(c.vector[i]), start[n])
+    x = np.array([p.to_search(float(vector[i])) for p, i in zip(entries, index, strict=True)])
+    ends = [sorted((p.to_search(p.lower), p.to_search(p.upper))) for p in entries]
+    scale = np.array([_size(p, s) for p, s in zip(entries, x, strict=True)])
+    answer = problem.answers(vector)[0]
+    if not np.all(np.isfinite(answer)):
+        return None
+    residual = problem.measured - answer
+    white = c.noise.whiten(problem, residual)
+    cost = _total(c, white, z)
+    covariance = np.diag((WEAK * scale) ** 2)
+    lower = np.concatenate([np.full(len(held), -LIMIT), [e[0] for e in ends]])
+    upper = np.concatenate([np.full(len(held), LIMIT), [e[1] for e in ends]])
+    for _ in range(rounds):
+        B, spans = _sensitivities(c, vector, answer, names)
+        J = np.hstack([A, B[c.train] * scale])
+        here = np.concatenate([z, x / scale])
+        ridge = np.concatenate([np.ones(len(held)), np.full(len(x), 1.0 / WEAK)])
+        new, information = _robust_step(
+            J, white[c.train], here, ridge, lower / _units(held, scale), upper / _units(held, scale)
+        )
+        covariance = np.linalg.pinv(information)[len(held) :, len(held) :] * np.outer(scale, scale)
+        gained = 0.0
+        for share in (1.0, 0.4, 0.1):
+            point = here + share * (new - here)
+            trial = _at(c, vector, held, sd, point[: len(held)] - z, index, entries,
+                        point[len(held) :] * scale)  # fmt: skip
+            answer_new = problem.answers(trial)[0]
+            if not np.all(np.isfinite(answer_new)):
+                continue
+            left = problem.measured - answer_new
+            white_new = c.noise.whiten(problem, left)
+            cost_new = _total(c, white_new, point[: len(held)])
+            if cost_new < cost:
+                gained = cost - cost_new
+                vector, answer, residual, white, cost = trial, answer_new, left, white_new, cost_new
+                z, x = point[: len(held)], point[len(held) :] * scale
+                break
+        if gained < SETTLED * max(cost / max(c.train.sum(), 1), 0.02) * c.train.sum():
+            break
+    full_z = np.array(c.z)
+    full_z[held] = z
+    full_z[own] = 0.0
+    bound = tuple(
+        n for n, s, e in zip(names, x, ends, strict=True)
+        if min(abs(s - e[0]), abs(e[1] - s)) < 1e-6 * max(abs(s), 1e-9)
+    )  # fmt: skip
+    values = np.array([vector[i] for i in index])
+    return Fit(
+        tuple(leaves), tuple(names), values, np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+        vector, residual, white, full_z, bound,
+    )  # fmt: skip
+
+
+def _units(held: Sequence[int], scale: Array) -> Array:
+    return np.concatenate([np.ones(len(held)), scale])
+
+
+def _size(p: object, x: float) -> float:
+    """A step that matters, in the search coordinate: the table's, or a tenth of where the search stands."""
+    own = float(abs(p.to_search(p.scale)))  # type: ignore[attr-defined]
+    if p.parameter in ("limit", "period", "displacement", "velocity"):  # type: ignore[attr-defined]
+        return max(abs(x), 1e-9)
+    return own
+
+
+def _total(c: Calibrated, white: Array, z: Array) -> float:
+    return float(np.sum(huber(white[c.train])) + 0.5 * z @ z)
+
+
+def _at(
+    c: Calibrated,
+    vector: Array,
+    held: Sequence[int],
+    sd: Array,
+    dz: Array,
+    index: Sequence[int],
+    entries: Sequence[object],
+    x: Array,
+) -> Array:
+    out = np.array(vector)
+    for k, step in zip(held, sd * dz, strict=True):
+        for name in c.nuisances[k].names:
+            out[c.problem.table.index(name)] += step
+    for i, p, s in zip(index, entries, x, strict=True):
+        out[i] = min(max(p.from_search(float(s)), p.lower), p.upper)  # type: ignore[attr-defined]
+    return out
+
+
+STEP: Final[Mapping[str, float]] = {
+    "limit": 0.02,
+    "period": 1e-3,
+    "displacement": 0.1,
+    "velocity": 0.1,
+}
+"""Relative steps of parameters of which only the value itself means something."""
+
+
+def _sensitivities(
+    c: Calibrated, vector: Array, answer: Array, names: Sequence[str]
+) -> tuple[Array, Array]:
+    """(N, P) whitened change per unit of each search coordinate."""
+    problem, table = c.problem, c.problem.table
+    if not names:
+        return np.zeros((problem.size, 0)), np.empty(0)
+    rows, spans = [], []
+    for name in names:
+        p, i = table[name], table.index(name)
+        x = p.to_search(float(vector[i]))
+        low, high = sorted((p.to_search(p.lower), p.to_search(p.upper)))
+        step = STEP.get(p.parameter, 0.0) * abs(x) or 0.5 * p.search_step
+        if p.parameter == "gap":
+            step = max(0.1 * abs(x), 1e-5)
+        if p.parameter == "phase":
+            step = 0.1
+        if p.parameter == "delay":
+            step = 5e-4
+        if x + step > high:
+            step = -step
+        row = np.array(vector)
+        row[i] = min(max(p.from_search(x + step), p.lower), p.upper)
+        rows.append(row)
+        spans.append(p.to_search(float(row[i])) - x)
+        del low
+    answers = problem.answers(np.array(rows))
+    change = np.where(np.isfinite(answers), answers - answer, 0.0).T
+    span = np.array([s if s != 0.0 else 1.0 for s in spans])
+    return c.noise.whiten(problem, change) / span, span
+
+
+def _robust_step(
+    J: Array, white: Array, here: Array, ridge: Array, lower: Array, upper: Array
+) -> tuple[Array, Array]:
+    """Bounded robust minimum of the linear problem, and its information matrix there."""
+    n = len(here)
+    nuisances = ridge >= 1.0
+    centre = np.where(nuisances, 0.0, here)
+    new, information = np.array(here), np.eye(n)
+    for _ in range(3):
+        left = np.abs(white - J @ (new - here))
+        weight = np.minimum(1.0, HUBER / np.maximum(left, 1e-12))
+        weighted = J * weight[:, None]
+        information = weighted.T @ J + np.diag(ridge**2)
+        gradient = weighted.T @ (white + J @ here) + ridge**2 * centre
+        try:
+            root = np.linalg.cholesky(information)
+        except np.linalg.LinAlgError:
+            return here, information + 1e-9 * np.eye(n)
+        aim = np.linalg.solve(root, gradient)
+        inside = np.clip(here, lower, upper)
+        if np.any(upper - lower < 1e-15):
+            return inside, information
+        new = np.asarray(lsq_linear(root.T, aim, (lower, upper), method="bvls").x)
+    return new, information
+
+
+def changes_of(
+    leaves: Sequence[Leaf], starts: Sequence[tuple[int, Array]], problem: Problem
+) -> Changes:
+    """Start values of a fit: each leaf's start number, and amplitudes of its columns."""
+    out: dict[str, float] = {}
+    for leaf, (s, amplitudes) in zip(leaves, starts, strict=True):
+        start = leaf.starts[s]
+        out.update(start.fixed)
+        for column, a in zip(start.columns, amplitudes, strict=True):
+            for name, value in column.items():
+                p = problem.table[name]
+                neutral = p.to_search(p.neutral)
+                now = p.to_search(out[name]) if name in out else neutral
+                step = p.to_search(value) - neutral
+                out[name] = p.from_search(now + float(a) * step)
+        for name in leaf.parameters:
+            if name in out:
+                p = problem.table[name]
+                out[name] = min(max(out[name], p.lower), p.upper)
+    return out

@@ -1,0 +1,124 @@
+"""What a fit is worth on data that it has not seen: the split, and the shrink of the gap there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.fit import Calibrated, Fit
+from hil.gap.problem import Mask, Problem
+
+Array = NDArray[np.float64]
+
+HELD_SHARE: Final = 0.35
+"""Of a lone run: its end is held out."""
+BLOCK_S: Final = 1.0
+RESAMPLES: Final = 400
+TOUCHED: Final = 0.5
+"""Floors by which a fit must change a signal to touch it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Root mean squares on held-out samples, signals in their floors."""
+
+    signals: tuple[str, ...]
+    before: float
+    after: float
+    floor: float
+    shrink: float | None
+    shrink_ci: tuple[float, float] | None
+
+
+def split(problem: Problem, runs: Sequence[int]) -> tuple[Mask, str]:
+    """(N,) the samples that fits may see, and in words what is held out.
+
+    `runs`: the run that each stretch belongs to. The last of several runs is held out, of one its end.
+    """
+    train = np.zeros(problem.size, dtype=bool)
+    if len(set(runs)) > 1:
+        last = max(runs)
+        for x in problem.series:
+            train[x.part] = runs[x.stretch] != last
+        names = [p.name for p, r in zip(problem.pieces, runs, strict=True) if r == last]
+        return train, ", ".join(names)
+    for x in problem.series:
+        start, end = problem.pieces[x.stretch].span_s
+        train[x.part] = problem.t_s[x.part] < end - HELD_SHARE * (end - start)
+    return train, f"the last {100.0 * HELD_SHARE:.0f} % of the record's time"
+
+
+def touched(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
+    """Signals that a fit changes by a visible part of their floor."""
+    floors = c.noise.floor(c.problem)
+    out = []
+    for signal in c.problem.signals:
+        rows = _rows(c.problem, signal, c.problem.kept)
+        d = none.residual[rows] - f.residual[rows]
+        if len(d) and np.sqrt(np.mean(d**2)) > TOUCHED * floors[signal]:
+            out.append(signal)
+    return tuple(out)
+
+
+def score(
+    c: Calibrated, none: Fit, f: Fit, held: Mask, signals: Sequence[str], rng: np.random.Generator
+) -> Score:
+    """Before and after on `held` samples of `signals`, with the interval of resampled blocks of time."""
+    floors = c.noise.floor(c.problem)
+    blocks: dict[tuple[int, int], Array] = {}
+    for x in c.problem.series:
+        if x.signal not in signals:
+            continue
+        rows = held[x.part] & c.problem.kept[x.part]
+        if not rows.any():
+            continue
+        t = c.problem.t_s[x.part][rows]
+        b = ((t - c.problem.pieces[x.stretch].span_s[0]) / BLOCK_S).astype(int)
+        f2 = floors[x.signal] ** 2
+        parts = np.stack(
+            [none.residual[x.part][rows] ** 2 / f2, f.residual[x.part][rows] ** 2 / f2,
+             np.mean(c.noise.draws[:, x.part][:, rows] ** 2, axis=0) / f2, np.ones(rows.sum())]
+        )  # fmt: skip
+        for k in np.unique(b):
+            key = (x.stretch, int(k))
+            total = parts[:, b == k].sum(axis=1)
+            blocks[key] = blocks.get(key, np.zeros(4)) + total
+    if not blocks:
+        return Score(tuple(signals), 0.0, 0.0, 0.0, None, None)
+    table = np.array(list(blocks.values()))
+    picks = rng.multinomial(len(table), np.full(len(table), 1.0 / len(table)), RESAMPLES)
+    before, after, floor = _rms(table.sum(axis=0)[None])[0]
+    drawn = _rms(picks @ table)
+    shrink = _shrink(before, after, floor)
+    ci = None
+    if shrink is not None:
+        values = [_shrink(*row) for row in drawn]
+        found = np.array([v for v in values if v is not None])
+        if len(found) > RESAMPLES // 2:
+            low, high = np.quantile(found, [0.05, 0.95])
+            ci = (float(low), float(high))
+    return Score(tuple(signals), float(before), float(after), float(floor), shrink, ci)
+
+
+def _rms(sums: Array) -> Array:
+    """(B, 3) from sums of squares and counts (B, 4)."""
+    return np.asarray(np.sqrt(sums[:, :3] / sums[:, 3:]))
+
+
+def _shrink(before: float, after: float, floor: float) -> float | None:
+    if before <= 1.05 * floor:
+        return None
+    return float((before - after) / (before - floor))
+
+
+def _rows(problem: Problem, signal: str, mask: Mask) -> NDArray[np.int64]:
+    parts = [
+        np.arange(x.part.start, x.part.stop)[mask[x.part]]
+        for x in problem.series
+        if x.signal == signal
+    ]
+    return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64)

@@ -1,0 +1,190 @@
+"""The candidates: every effect of the catalogue at every place where these data could show it.
+
+A leaf is one effect at one place. Its parameters enter the twin's answer partly in proportion (a force, a
+mass) and partly not (a period, a width), so each leaf has one or more starts: values of the latter, with the
+columns by which the former are moved. Starts span what rigs of this class show; fits go on from there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.config import Actuator, AxisGeometry
+from hil.gap.periods import force_periods, lead_periods
+from hil.gap.problem import Problem
+
+Array = NDArray[np.float64]
+Changes = Mapping[str, float]
+
+SATURATED: Final = (0.9, 0.7, 0.5)
+"""Of the largest force or speed that the twin needs, where limits are looked for."""
+GAPS_M: Final = (5e-5, 3e-4)
+WIDTHS_M: Final = (2e-4, 2e-3, 1e-2)
+STRIBECK_M_S: Final = (0.003, 0.015, 0.06)
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Values that are set, and the columns: parameters moved together by an amplitude of 1."""
+
+    fixed: Changes
+    columns: tuple[Changes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """One effect at one place: full names of its parameters, and where a fit of it may start."""
+
+    effect: str
+    location: str
+    parameters: tuple[str, ...]
+    starts: tuple[Start, ...]
+    actuator: str | None
+    """The actuator it sits at, None for what the whole rig shares."""
+
+    @property
+    def name(self) -> str:
+        """`location.effect`."""
+        return f"{self.location}.{self.effect}"
+
+
+def find_leaves(
+    problem: Problem, vector: Array, residual: Array, without: Collection[str] = ()
+) -> list[Leaf]:
+    """All leaves for a problem whose twin at `vector` leaves `residual` (N,), without some effects.
+
+    Effects of sensors that no signal shows, of an IMU that is not there and of frames (see
+    `hil.gap.frames`) are not among them.
+    """
+    rig = problem.rig
+    motion = problem.motion(vector)
+    out: list[Leaf] = []
+    for a in rig.actuators:
+        out += _actuator(problem, a, motion, residual)
+        for quantity in ("position", "velocity", "force", "current"):
+            if f"{a.name}.{quantity}" in problem.signals:
+                out += _sensor(f"{a.name}.{quantity}", problem, a.name)
+    out += _platform(problem)
+    return [leaf for leaf in out if leaf.effect not in without]
+
+
+def _actuator(
+    problem: Problem, a: Actuator, motion: Iterable[Mapping[str, Array]], residual: Array
+) -> list[Leaf]:
+    name, table = a.name, problem.table
+
+    def leaf(effect: str, parameters: str, starts: Iterable[tuple[Changes, ...]]) -> Leaf:
+        """Starts given as (fixed, column, ...) by short names."""
+        full = f"{name}.{effect}."
+        made = tuple(Start(_full(full, s[0]), tuple(_full(full, c) for c in s[1:])) for s in starts)
+        return Leaf(effect, name, tuple(full + p for p in parameters.split()), made, name)
+
+    def scale(effect: str, parameter: str) -> float:
+        return table[f"{name}.{effect}.{parameter}"].scale
+
+    f = scale("coulomb_friction", "force")
+    force_n = max(float(np.max(np.abs(m[f"{name}.force"]))) for m in motion)
+    speed = max(float(np.max(np.abs(m[f"{name}.velocity"]))) for m in motion)
+    out = [
+        leaf("coulomb_friction", "force", [({}, {"force": f})]),
+        leaf("viscous_friction", "coefficient",
+             [({}, {"coefficient": scale("viscous_friction", "coefficient")})]),
+        leaf("stribeck_friction", "coulomb static velocity",
+             [({"velocity": v}, {"coulomb": f, "static": f}, {"static": f}) for v in STRIBECK_M_S]),
+        leaf("asymmetric_friction", "positive negative", [({}, {"positive": f}, {"negative": f})]),
+        leaf("load_friction", "coefficient asymmetry",
+             [({"asymmetry": s}, {"coefficient": 0.03}) for s in (0.0, 0.8, -0.8)]),
+        leaf("backlash", "gap", [({}, {"gap": g}) for g in GAPS_M]),
+        leaf("hysteresis", "force displacement",
+             [({"displacement": x}, {"force": f}) for x in WIDTHS_M]),
+        leaf("compliance", "stiffness damping",
+             [({"damping": d}, {"stiffness": scale("compliance", "stiffness")}) for d in (0.0, 2000.0)]),
+        leaf("actuator_inertia", "mass", [({}, {"mass": scale("actuator_inertia", "mass")})]),
+        leaf("force_constant", "scale", [({}, {"scale": 1.05})]),
+        leaf("loop_gain", "position speed integral",
+             [({}, {"position": 1.1}, {"speed": 1.1}, {"integral": 1.15})]),
+    ]  # fmt: skip
+    for limit, most in (("force_saturation", force_n), ("velocity_saturation", speed)):
+        top = table[f"{name}.{limit}.limit"].upper
+        starts = [({}, {"limit": s * most}) for s in SATURATED if 0.0 < s * most < top]
+        if starts:
+            out.append(leaf(limit, "limit", starts))
+    periods = force_periods(problem, residual, name)
+    if periods:
+        out.append(
+            leaf("force_ripple", "amplitude period phase",
+                 [({"period": p, "phase": h}, {"amplitude": f}) for p in periods
+                  for h in (0.0, 0.5 * math.pi)])
+        )  # fmt: skip
+    modes = {piece.mode for piece in problem.pieces}
+    if "position" in modes:
+        out.append(leaf("transport_delay", "delay", [({}, {"delay": 1e-3})]))
+    out.append(leaf("position_offset", "offset", [({}, {"offset": 1e-3})]))
+    lead = [({}, {"scale": 1.005})]
+    lead += [({"period": p}, {"amplitude": 5e-5}) for p in lead_periods(problem, residual, name)]
+    out.append(leaf("lead_error", "scale amplitude period", lead))
+    return out
+
+
+def _sensor(signal: str, problem: Problem, actuator: str | None) -> list[Leaf]:
+    table = problem.table
+    values = {
+        "sensor_bias": ("offset", table[f"{signal}.sensor_bias.offset"].scale),
+        "sensor_scale": ("scale", 1.02),
+        "sensor_latency": ("delay", 1e-3),
+    }
+    out = []
+    for effect, (parameter, value) in values.items():
+        name = f"{signal}.{effect}.{parameter}"
+        out.append(Leaf(effect, signal, (name,), (Start({}, ({name: value},)),), actuator))
+    return out
+
+
+def _platform(problem: Problem) -> list[Leaf]:
+    rig, table = problem.rig, problem.table
+    out = []
+
+    def linear(
+        effect: str, location: str, parameters: Iterable[str], *, joint: bool = True
+    ) -> None:
+        names = tuple(f"{location}.{effect}.{p}" for p in parameters)
+        steps = []
+        for n in names:
+            p = table[n]
+            steps.append({n: p.neutral + p.scale})
+        starts = (Start({}, tuple(steps)),) if joint else tuple(Start({}, (s,)) for s in steps)
+        out.append(Leaf(effect, location, names, starts, None))
+
+    linear("payload_mass", "platform", ("mass",))
+    multi = not isinstance(rig.geometry, AxisGeometry)
+    if multi or rig.geometry.load == "pendulum":
+        linear("payload_cog", "platform", "xyz")
+        linear("payload_inertia", "platform", ("xx", "yy", "zz"))
+    if any(a.static_ff for a in rig.actuators):
+        linear("static_force_feedback", "platform", ("scale",))
+    linear("base_tilt", "platform", ("roll", "pitch"))
+    if multi:
+        for a in rig.actuators:
+            for end in ("base", "platform"):
+                linear("geometry_error", f"{a.name}.{end}", "xyz")
+    channels = [s for s in problem.signals if s.startswith("imu.")]
+    for channel in channels:
+        out += _sensor(channel, problem, None)
+    if channels:
+        linear("sensor_latency", "imu", ("delay",))
+        linear("sensor_scale", "imu", ("scale",))
+        linear("sensor_misalignment", "imu", "xyz")
+        linear("clock_drift", "imu", ("rate",))
+    if any(not s.startswith("imu.") for s in problem.signals):
+        linear("clock_drift", "drives", ("rate",))
+    return out
+
+
+def _full(prefix: str, values: Changes) -> dict[str, float]:
+    return {prefix + k: v for k, v in values.items()}

@@ -1,0 +1,126 @@
+"""Which candidates, alone or together, could explain a residual: a search in the linear picture.
+
+All columns are whitened, freed of what the nuisances explain, and reduced to their inner products, so that
+thousands of sets cost no more than their small matrices. It only proposes: what it ranks is fitted through
+the twin afterwards.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.bank import Bank
+from hil.gap.fit import Calibrated
+from hil.gap.nuisances import LIMIT
+
+Array = NDArray[np.float64]
+
+SPIKE: Final = 12.0
+"""Whitened residuals are cut there: a few wild samples must not choose."""
+RIDGE: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A set of leaves with their starts and amplitudes, and what it would take off half the sum of squares."""
+
+    leaves: tuple[int, ...]
+    starts: tuple[tuple[int, Array], ...]
+    gain: float
+
+
+class Search:
+    """The bank of a calibrated problem as inner products."""
+
+    def __init__(self, c: Calibrated, bank: Bank, white: Array | None = None) -> None:
+        self.bank = bank
+        free = np.abs(c.z) < LIMIT - 1e-3
+        A = c.jacobian[c.train][:, free]
+        r = np.clip((c.white if white is None else white)[c.train], -SPIKE, SPIKE)
+        T = np.empty((int(c.train.sum()), bank.columns.shape[1]), dtype=np.float32)
+        for first in range(0, T.shape[1], 32):
+            part = bank.columns[:, first : first + 32].astype(float)
+            T[:, first : first + 32] = c.noise.whiten(c.problem, part)[c.train]
+        H = A.T @ A + np.eye(A.shape[1])
+        AT = (A.T.astype(np.float32) @ T).astype(float)
+        Ar = A.T @ r - c.z[free]
+        S = np.linalg.solve(H, np.column_stack([AT, Ar]))
+        self.gram: Array = (T.T @ T).astype(float) - AT.T @ S[:, :-1]
+        self.raw: Array = np.einsum("nm,nm->m", T, T, dtype=float)
+        """(M,) squared whitened size of each column before the nuisances took their part."""
+        self.inner: Array = (T.T @ r.astype(np.float32)).astype(float) - AT.T @ S[:, -1]
+
+    def alone(self) -> list[Proposal]:
+        """Every leaf with its best start, best first."""
+        out = [self.set_of((k,)) for k in range(len(self.bank.leaves))]
+        return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
+
+    def with_others(self, fixed: Sequence[int], others: Iterable[int]) -> list[Proposal]:
+        """The sets `fixed` + one other, best first."""
+        out = [self.set_of((*fixed, k)) for k in others if k not in fixed]
+        return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
+
+    def set_of(self, leaves: tuple[int, ...]) -> Proposal | None:
+        """The best starts and amplitudes of a set of leaves."""
+        best: Proposal | None = None
+        for starts in itertools.product(*(range(len(self.bank.places[k])) for k in leaves)):
+            columns = [self.bank.places[k][s] for k, s in zip(leaves, starts, strict=True)]
+            index = [i for c in columns for i in c]
+            G = self.gram[np.ix_(index, index)]
+            size = np.sqrt(np.maximum(np.diag(G), 1e-12))
+            b = self.inner[index] / size
+            scaled = G / np.outer(size, size) + RIDGE * np.eye(len(index))
+            a = np.linalg.solve(scaled, b)
+            a, gain = self._signed(leaves, starts, columns, scaled, b, a / size, size)
+            if best is None or gain > best.gain:
+                parts, k = [], 0
+                for s, c in zip(starts, columns, strict=True):
+                    parts.append((s, a[k : k + len(c)]))
+                    k += len(c)
+                best = Proposal(leaves, tuple(parts), gain)
+        return best
+
+    def _signed(
+        self,
+        leaves: Sequence[int],
+        starts: Sequence[int],
+        columns: Sequence[Sequence[int]],
+        scaled: Array,
+        b: Array,
+        a: Array,
+        size: Array,
+    ) -> tuple[Array, float]:
+        """Amplitudes with those of one-sided effects kept on their side, and the gain they have."""
+        keep = np.ones(len(a), dtype=bool)
+        k = 0
+        for leaf, _, cols in zip(leaves, starts, columns, strict=True):
+            one_sided = self.bank.leaves[leaf].effect in ONE_SIDED
+            for _ in cols:
+                if one_sided and a[k] < 0.0:
+                    keep[k] = False
+                k += 1
+        if not keep.all():
+            a = np.zeros(len(a))
+            if keep.any():
+                inner = np.linalg.solve(scaled[np.ix_(keep, keep)], b[keep])
+                a[keep] = np.maximum(inner, 0.0) / size[keep]
+        s = a * size
+        return a, float(b @ s - 0.5 * s @ scaled @ s)
+
+
+ONE_SIDED: Final = frozenset(
+    {
+        "backlash",
+        "compliance",
+        "hysteresis",
+        "load_friction",
+        "force_saturation",
+        "velocity_saturation",
+    }
+)
