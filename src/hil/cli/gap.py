@@ -9,6 +9,7 @@ import typer
 from rich.table import Column, Table
 
 from hil.cli.console import err, out
+from hil.cli.exam import app as exam
 from hil.configfile import load_rig
 from hil.errors import RunError
 from hil.gap import Located
@@ -20,6 +21,8 @@ app = typer.Typer(
     help="The gap between a rig and its twin: where it stands.",
     no_args_is_help=True,
 )
+
+app.add_typer(exam, name="exam")
 
 _STYLE = {"error": "red", "warning": "yellow", "info": ""}
 

@@ -1,0 +1,83 @@
+"""A case on disk: run folders and nominal rig here, the sealed answer there, and nothing between them.
+
+cases/<id>/rig.toml                the nominal rig
+cases/<id>/run1/run.toml, ...      run folders; role = "reference" for a healthy record
+answers/<id>/answer.json           what it was; its SHA-256 (canonical JSON) stands in each run.toml
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from hil.config import RigFile
+from hil.configfile import load_settings
+from hil.errors import RunError
+from hil.runs import Run, load_run
+from hil.runs.folder import RUN_TOML, read_meta
+
+ANSWER: Final = "answer.json"
+RIG: Final = "rig.toml"
+
+
+def seal(answer: Any) -> str:
+    """SHA-256 of an answer as canonical JSON: sorted keys, no spaces, UTF-8."""
+    text = json.dumps(answer, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One case as a diagnosis may see it."""
+
+    id: str
+    rig: RigFile
+    runs: tuple[Run, ...]
+    references: tuple[Run, ...]
+
+
+def case_folders(cases: Path) -> list[Path]:
+    """Every case below `cases` (or `cases/cases`), by name; RunError where there is none."""
+    inner = cases / "cases"
+    root = inner if inner.is_dir() else cases
+    if not root.is_dir():
+        raise RunError(f"{cases}: no such folder")
+    found = sorted(p.parent for p in root.glob(f"*/{RIG}") if not p.parent.name.startswith("."))
+    if not found:
+        raise RunError(
+            f"{root}: holds no case; a case is a folder with {RIG} and run folders (`hil gap exam make` "
+            "makes some)"
+        )
+    return found
+
+
+def load_case(folder: Path) -> Case:
+    """Read a case; RunError or ConfigError names what is wrong."""
+    rig = load_settings(folder / RIG, RigFile)
+    runs = [load_run(p.parent, rig) for p in sorted(folder.glob(f"*/{RUN_TOML}"))]
+    told = tuple(r for r in runs if r.meta.role == "diagnose")
+    if not told:
+        raise RunError(f"{folder}: holds no run to diagnose")
+    return Case(folder.name, rig, told, tuple(r for r in runs if r.meta.role == "reference"))
+
+
+def seals_of(folder: Path) -> set[str]:
+    """The seals that the run folders of a case carry."""
+    metas = [read_meta(p.parent) for p in sorted(folder.glob(f"*/{RUN_TOML}"))]
+    return {m.answer_sha256 for m in metas if m.answer_sha256}
+
+
+def read_answer(path: Path) -> dict[str, Any]:
+    """An answer file; RunError where it is none."""
+    try:
+        answer = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise RunError(f"{path}: is no JSON: {error}") from error
+    if not isinstance(answer, dict) or "verdict" not in answer:
+        raise RunError(f'{path}: is no answer: it needs "verdict" and "effects"')
+    return answer

@@ -1,0 +1,260 @@
+"""Draws and records exam cases; each is made from its seed and number alone, so any order gives the same."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import shutil
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from hil.config import Effect, RigFile
+from hil.configfile import rig_toml
+from hil.errors import ConfigError, LimitViolation
+from hil.exam.case import ANSWER, RIG, seal
+from hil.exam.excite import FAMILIES, draw_motion
+from hil.exam.menu import Recipe, draw_recipe, effects_of
+from hil.exam.odd import draw_outside, outside_of
+from hil.exam.rigs import RIGS, draw_rig
+from hil.exam.severity import Bench, effect_of, solve_size
+from hil.exam.world import OUTSIDE, Scatter, World, play
+from hil.exam.world.body import Outside
+from hil.exam.world.play import WorldError
+from hil.runs.folder import Payload, RunMeta, write_meta
+
+KINDS: Final = ("none", "single", "double", "triple", "outside")
+SHARES: Final = {"none": 1.0 / 3.0, "single": 0.41, "double": 0.1, "triple": 0.02, "outside": 0.14}
+ATTEMPTS: Final = 40
+EPOCH: Final = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What cases to make: everything that a case depends on, beside its number."""
+
+    rigs: tuple[str, ...] = RIGS
+    seed: int = 1000
+    severities: tuple[float, ...] = (1.0, 3.0, 10.0)
+    kinds: tuple[str, ...] = KINDS
+    effects: tuple[str, ...] = ()
+    """Only these effects (or outside effects); empty: all."""
+
+    def __post_init__(self) -> None:
+        for what, given, known in (("rig", self.rigs, RIGS), ("kind", self.kinds, KINDS)):
+            for name in given:
+                if name not in known:
+                    raise ConfigError(
+                        f"{name!r} is no {what} of exam cases; choose of {', '.join(known)}"
+                    )
+        if not self.rigs or not self.kinds or not all(s > 0.0 for s in self.severities):
+            raise ConfigError("exam cases need a rig, a kind and severities above 0")
+
+    def case_id(self, number: int) -> str:
+        """Name of case `number`; it says nothing of what the case holds."""
+        return f"{self.rigs[number % len(self.rigs)]}-{self.seed:04d}-{number:04d}"
+
+
+def make_exam(
+    order: Order,
+    count: int,
+    out: Path,
+    *,
+    jobs: int = 2,
+    on_done: Callable[[str, str], None] = lambda case, text: None,
+) -> None:
+    """Make cases 0 .. count - 1 below `out`; those that are there already stay as they are."""
+    todo = []
+    for number in range(count):
+        case = order.case_id(number)
+        if (out / "cases" / case / RIG).is_file() and (out / "answers" / case / ANSWER).is_file():
+            on_done(case, "is there already")
+        else:
+            todo.append(number)
+    if jobs <= 1 or len(todo) < 2:
+        for number in todo:
+            on_done(order.case_id(number), make_case(order, number, out))
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        waiting = {pool.submit(make_case, order, n, out): n for n in todo}
+        try:
+            for done in as_completed(waiting):
+                on_done(order.case_id(waiting[done]), done.result())
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def make_case(order: Order, number: int, out: Path) -> str:
+    """Make one case and seal its answer; returns a line about its recording that gives nothing away."""
+    case = order.case_id(number)
+    last: Exception | None = None
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng([order.seed, number, attempt])
+        # the kind is drawn once a case: what is hard to make must not become rare
+        kind = _kind(order, np.random.default_rng([order.seed, number, 977]))
+        try:
+            return _make(order, number, kind, rng, out)
+        except (WorldError, LimitViolation) as error:
+            last = error
+    raise ConfigError(f"{case}: could not be made: {last}")
+
+
+def _kind(order: Order, rng: np.random.Generator) -> str:
+    weights = np.array([SHARES[k] for k in order.kinds])
+    return str(rng.choice(order.kinds, p=weights / weights.sum()))
+
+
+def _make(order: Order, number: int, kind: str, rng: np.random.Generator, out: Path) -> str:
+    rig = draw_rig(order.rigs[number % len(order.rigs)], rng)
+    signals: set[str] = set(rig.bus.pattern)
+    if rig.imu is not None and rng.random() < 0.45:
+        signals.add("imu")
+    scatter = Scatter(int(rng.integers(2**31)))
+    families = [
+        str(f) for f in rng.permutation(FAMILIES)[: rng.choice([1, 2, 3], p=[0.35, 0.45, 0.2])]
+    ]
+    durations = [float(round(rng.uniform(20.0, 40.0), 1)) for _ in families]
+    motions = [
+        draw_motion(rig, f, d, rng.uniform(0.4, 0.9), rng)
+        for f, d in zip(families, durations, strict=True)
+    ]
+    seeds = [(int(rng.integers(2**31)), int(rng.integers(2**31))) for _ in range(len(motions) + 1)]
+    bench = Bench.of(rig, scatter, motions[0], seeds[0], "imu" in signals)
+    severity = float(rng.choice(order.severities))
+    effects, outside, told = _drawn(order, kind, rig, signals, bench, durations[0], severity, rng)
+    payloads = [
+        _payload(rig, rng) if k and rng.random() < 0.3 else None for k in range(len(motions))
+    ]
+    plays: list[tuple[int, str, Payload | None]] = [
+        (k, "diagnose", p) for k, p in enumerate(payloads)
+    ]
+    if rng.random() < 0.3:
+        motions.append(
+            draw_motion(rig, str(rng.choice(FAMILIES)), 25.0, rng.uniform(0.5, 0.9), rng)
+        )
+        plays.insert(int(rng.integers(len(plays) + 1)), (len(motions) - 1, "reference", None))
+    tables = []
+    for k, role, payload in plays:
+        healthy = role == "reference"
+        mass = None if payload is None else (payload.mass, payload.x, payload.y, payload.z)
+        world = World.of(rig, scatter, () if healthy else effects, () if healthy else outside, mass)
+        played = play(
+            world, motions[k], seen=seeds[k][0], hidden=seeds[k][1], with_imu="imu" in signals
+        )
+        tables.append((played.table(world), role, payload))
+    answer = {
+        "verdict": {"none": "no_gap", "outside": "unknown"}.get(kind, "identified"),
+        "effects": [
+            {"effect": e.effect, "location": e.location, "parameters": e.parameters}
+            for e in effects
+        ],
+        "outside": [
+            {"kind": o.kind, "location": o.location, "parameters": o.parameters} for o in outside
+        ],
+        "kind": kind,
+        "rig": order.rigs[number % len(order.rigs)],
+        "severity": 0.0 if kind == "none" else severity,
+        "traces": told,
+        "families": families,
+        "scatter_seed": scatter.seed,
+        "made_with": {"seed": order.seed, "number": number},
+    }
+    _write(order.case_id(number), rig, tables, answer, number, out)
+    seconds = sum(m.duration_s for m in motions)
+    return f"{len(tables)} runs, {seconds:.0f} s"
+
+
+def _drawn(
+    order: Order,
+    kind: str,
+    rig: RigFile,
+    signals: set[str],
+    bench: Bench,
+    duration_s: float,
+    severity: float,
+    rng: np.random.Generator,
+) -> tuple[tuple[Effect, ...], tuple[Outside, ...], list[dict[str, float]]]:
+    """Effects of a case of `kind`, each solved to the severity alone, and its traces by signal."""
+    count = {"none": 0, "double": 2, "triple": 3}.get(kind, 1)
+    effects: list[Effect] = []
+    outside: list[Outside] = []
+    told: list[dict[str, float]] = []
+    for _ in range(ATTEMPTS):
+        if len(told) == count:
+            return tuple(effects), tuple(outside), told
+        recipe = _recipe(order, kind, rig, signals, duration_s, rng)
+        if any(e.effect == recipe.effect for e in effects):
+            continue
+        solved = solve_size(bench, recipe, severity)
+        if solved is None:
+            continue
+        more, odd = effect_of(recipe, solved[0])
+        effects += more
+        outside += odd
+        told.append({s: round(x, 3) for s, x in solved[1].items() if x > 0.3})
+    raise WorldError(f"{rig.name}: no {kind} effect shows {severity:g} times the floor here")
+
+
+def _recipe(
+    order: Order,
+    kind: str,
+    rig: RigFile,
+    signals: set[str],
+    duration_s: float,
+    rng: np.random.Generator,
+) -> Recipe:
+    names = outside_of(rig, OUTSIDE) if kind == "outside" else effects_of(rig, signals)
+    chosen = [n for n in names if not order.effects or n in order.effects]
+    if not chosen:
+        raise ConfigError(
+            f"{rig.name}: has none of the effects asked for: {', '.join(order.effects)}"
+        )
+    name = str(rng.choice(chosen))
+    if kind == "outside":
+        return draw_outside(rig, name, duration_s, rng)
+    return draw_recipe(rig, name, signals, rng)
+
+
+def _payload(rig: RigFile, rng: np.random.Generator) -> Payload:
+    place = np.array(rig.mass.cog) + rng.uniform(-0.1, 0.1, 3)
+    mass = float(rng.uniform(0.05, 0.2)) * rig.mass.m
+    return Payload(
+        mass=round(mass, 1), **{c: round(float(x), 3) for c, x in zip("xyz", place, strict=True)}
+    )
+
+
+def _write(
+    case: str, rig: RigFile, tables: Sequence[tuple[Any, str, Payload | None]], answer: dict[str, Any],
+    number: int, out: Path,
+) -> None:  # fmt: skip
+    fresh = out / "cases" / f".{case}"
+    shutil.rmtree(fresh, ignore_errors=True)
+    fresh.mkdir(parents=True)
+    for k, (table, role, payload) in enumerate(tables, start=1):
+        folder = fresh / f"run{k}"
+        folder.mkdir()
+        meta = RunMeta.model_validate(
+            {
+                "rig": rig.name,
+                "started": EPOCH + timedelta(hours=number, minutes=5 * k),
+                "role": role,
+                "answer_sha256": seal(answer),
+                "payload": payload,
+            }
+        )
+        write_meta(folder, meta)
+        table.to_parquet(folder / "signals.parquet", index=False, compression="zstd")
+    (fresh / RIG).write_text(rig_toml(rig, "the nominal rig of an exam case"), encoding="utf-8")
+    kept = out / "answers" / case
+    kept.mkdir(parents=True, exist_ok=True)
+    (kept / ANSWER).write_text(
+        json.dumps(answer, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
+    fresh.replace(out / "cases" / case)
