@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import tomlkit
 from pydantic import ValidationError
 
 from hil.config.base import Settings
+from hil.config.bicycle import BicycleFile
 from hil.config.rig import RigFile
 from hil.errors import ConfigError
 
 S = TypeVar("S", bound=Settings)
+
+BICYCLE: Final = "bicycle"
+"""Kind of the rigs that are ridden, not driven: theirs is another file, `BicycleFile`."""
 
 
 def data_folder(name: str) -> Path:
@@ -35,9 +39,29 @@ def find_rig_file(name: str) -> Path:
 
 
 def load_rig(name: str | Path) -> RigFile:
-    """Read and check a rig file; ConfigError names file, key and bound."""
+    """Read and check the file of a rig that is driven; ConfigError names file, key and bound."""
     path = find_rig_file(str(name))
-    return load_settings(path, RigFile)
+    tables = read_toml(path)
+    if tables.get("kind") == BICYCLE:
+        raise ConfigError(
+            f"{path}: is a bicycle, which is ridden and not driven: see `hil bicycle`"
+        )
+    return parse_settings(tables, RigFile, str(path))
+
+
+def load_bicycle(name: str | Path) -> BicycleFile:
+    """Read and check a bicycle's rig file; ConfigError names file, key and bound."""
+    path = find_rig_file(str(name))
+    tables = read_toml(path)
+    if tables.get("kind") != BICYCLE:
+        raise ConfigError(f"{path}: is a {tables.get('kind')}, no {BICYCLE}")
+    return parse_settings(tables, BicycleFile, str(path))
+
+
+def load_any_rig(name: str | Path) -> RigFile | BicycleFile:
+    """Read and check a rig file of either sort; ConfigError names file, key and bound."""
+    is_bicycle = read_toml(find_rig_file(str(name))).get("kind") == BICYCLE
+    return load_bicycle(name) if is_bicycle else load_rig(name)
 
 
 def load_drive(name: str, model: type[S]) -> S:
@@ -45,7 +69,7 @@ def load_drive(name: str, model: type[S]) -> S:
     return load_settings(data_folder("drives") / name / "drive.toml", model)
 
 
-def rig_toml(rig: RigFile, comment: str = "") -> str:
+def rig_toml(rig: RigFile | BicycleFile, comment: str = "") -> str:
     """A rig file that says all of `rig`, defaults included, after a line of comment."""
     tables = rig.model_dump(mode="json", exclude_none=True)
     return (f"# {comment}\n" if comment else "") + tomlkit.dumps(tables)

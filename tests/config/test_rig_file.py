@@ -5,8 +5,15 @@ import json
 
 import pytest
 
-from hil.config import RigFile
-from hil.configfile import data_folder, find_rig_file, load_rig, parse_settings, read_toml
+from hil.config import BicycleFile, RigFile
+from hil.configfile import (
+    data_folder,
+    find_rig_file,
+    load_any_rig,
+    load_rig,
+    parse_settings,
+    read_toml,
+)
 from hil.errors import ConfigError
 from tests.shared_data import shared
 
@@ -15,13 +22,14 @@ SHIPPED = sorted(p.stem for p in data_folder("configs").glob("*.toml"))
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_every_shipped_rig_file_loads(name):
-    assert load_rig(name).actuator_names
+    rig = load_any_rig(name)
+    assert rig.actuator_names or rig.kind == "bicycle"
 
 
 @pytest.mark.shared
 def test_shipped_rigs_carry_the_nominal_numbers():
     nominal = json.loads(shared("rigs.json").read_text())["rigs"]
-    for name in set(SHIPPED) & set(nominal):
+    for name in set(SHIPPED) & set(nominal) - {"bicycle"}:
         expected = parse_settings(nominal[name], RigFile, name).model_dump()
         ours = load_rig(name).model_dump()
         for table in ("geometry", "mass", "bus", "imu", "noise", "limits", "coordinates"):
@@ -34,8 +42,8 @@ def test_shipped_rigs_carry_the_nominal_numbers():
 @pytest.mark.shared
 def test_the_nominal_rigs_are_rig_files_as_they_are():
     for name, tables in json.loads(shared("rigs.json").read_text())["rigs"].items():
-        if name != "bicycle":
-            assert parse_settings(tables, RigFile, name).kind == tables["kind"]
+        model = BicycleFile if name == "bicycle" else RigFile
+        assert parse_settings(tables, model, name).kind == tables["kind"]
 
 
 def broken(change):

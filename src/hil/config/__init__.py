@@ -4,6 +4,7 @@ Reading files is `hil.configfile`'s work; here is only what they mean.
 """
 
 from hil.config.actuator import Actuator, DriveNode, LegMass, Screw
+from hil.config.bicycle import BicycleFile
 from hil.config.bus import Bus, Can, Imu, Noise
 from hil.config.control import (
     Control,
@@ -19,6 +20,7 @@ from hil.config.rig import Body, Effect, RigFile
 __all__ = [
     "Actuator",
     "AxisGeometry",
+    "BicycleFile",
     "Body",
     "Bus",
     "Can",
