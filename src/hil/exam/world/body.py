@@ -187,7 +187,7 @@ def _actuators(rig: RigFile, rng: np.random.Generator, size: float) -> Array:
     for i, a in enumerate(rig.actuators):
         span = a.stroke[1] - a.stroke[0]
         load = max(a.effective_mass - a.reflected_mass, 0.4 * a.effective_mass)
-        bend = 2.0 * math.pi * rng.uniform(95.0, 140.0)
+        bend = 2.0 * math.pi * rng.uniform(150.0, 210.0)
         per_turn = getattr(a.transmission, "lead", None) or 0.02 * span
         for row, value in (
             (lay.A_MASS, max(a.reflected_mass * (1.0 + off(0.007)), 0.05 * a.effective_mass)),
@@ -199,7 +199,7 @@ def _actuators(rig: RigFile, rng: np.random.Generator, size: float) -> Array:
             (lay.A_FRICTION_L, span * rng.uniform(0.2, 0.8)),
             (lay.A_FRICTION_PHASE, rng.uniform(0.0, 6.28)),
             (lay.A_STIFFNESS, load * bend**2),
-            (lay.A_DAMPING, 2.0 * rng.uniform(0.05, 0.1) * load * bend),
+            (lay.A_DAMPING, 2.0 * rng.uniform(0.08, 0.15) * load * bend),
             (lay.A_OWN_RIPPLE_A, size * rng.uniform(0.05, 0.3) * rig.noise.force),
             (lay.A_OWN_RIPPLE_P, per_turn / rng.integers(2, 5)),
             (lay.A_OWN_RIPPLE_PHASE, rng.uniform(0.0, 6.28)),
