@@ -9,9 +9,8 @@ from typing import Any, Final, TypeVar
 import tomlkit
 from pydantic import ValidationError
 
+from hil.config import AnyRig, BicycleFile, RigFile
 from hil.config.base import Settings
-from hil.config.bicycle import BicycleFile
-from hil.config.rig import RigFile
 from hil.errors import ConfigError
 
 S = TypeVar("S", bound=Settings)
@@ -58,10 +57,17 @@ def load_bicycle(name: str | Path) -> BicycleFile:
     return parse_settings(tables, BicycleFile, str(path))
 
 
-def load_any_rig(name: str | Path) -> RigFile | BicycleFile:
+def load_any_rig(name: str | Path) -> AnyRig:
     """Read and check a rig file of either sort; ConfigError names file, key and bound."""
-    is_bicycle = read_toml(find_rig_file(str(name))).get("kind") == BICYCLE
-    return load_bicycle(name) if is_bicycle else load_rig(name)
+    path = find_rig_file(str(name))
+    return parse_any_rig(read_toml(path), str(path))
+
+
+def parse_any_rig(tables: dict[str, Any], source: str) -> AnyRig:
+    """Check `tables` as a rig file of the sort that its kind says."""
+    if tables.get("kind") == BICYCLE:
+        return parse_settings(tables, BicycleFile, source)
+    return parse_settings(tables, RigFile, source)
 
 
 def load_drive(name: str, model: type[S]) -> S:
@@ -69,7 +75,7 @@ def load_drive(name: str, model: type[S]) -> S:
     return load_settings(data_folder("drives") / name / "drive.toml", model)
 
 
-def rig_toml(rig: RigFile | BicycleFile, comment: str = "") -> str:
+def rig_toml(rig: AnyRig, comment: str = "") -> str:
     """A rig file that says all of `rig`, defaults included, after a line of comment."""
     tables = rig.model_dump(mode="json", exclude_none=True)
     return (f"# {comment}\n" if comment else "") + tomlkit.dumps(tables)

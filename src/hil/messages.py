@@ -121,6 +121,19 @@ class ImuMessage(Struct, frozen=True, omit_defaults=True):
     accel_z: float | None = None
 
 
+class RideMessage(Struct, frozen=True, omit_defaults=True):
+    """What a bicycle's sensors measured, rad: `hil/<rig>/ride`, topic `/ride`.
+
+    Lean to the right and steer to the left are positive; `rear_wheel` counts from the start.
+    """
+
+    t: float
+    sampled: float | None = None
+    lean: float | None = None
+    rear_wheel: float | None = None
+    steer: float | None = None
+
+
 class SetpointMessage(Struct, frozen=True):
     """Setpoints at the instant their frames were sent, by actuator: topic `/setpoint`.
 
@@ -155,6 +168,7 @@ PAYLOADS: Final[dict[str, type[Struct]]] = {
     "drive": DriveMessage,
     "drive_status": DriveStatusMessage,
     "imu": ImuMessage,
+    "ride": RideMessage,
     "setpoint": SetpointMessage,
     "command_request": CommandRequest,
     "command_reply": CommandReply,

@@ -17,8 +17,12 @@ from hil.config.control import (
 from hil.config.geometry import AxisGeometry, MotorcycleGeometry, StewartGeometry
 from hil.config.rig import Body, Effect, RigFile
 
+AnyRig = RigFile | BicycleFile
+"""A rig that is driven, or a bicycle, which is ridden."""
+
 __all__ = [
     "Actuator",
+    "AnyRig",
     "AxisGeometry",
     "BicycleFile",
     "Body",

@@ -7,12 +7,15 @@ from typing import Any, Final
 
 import msgspec
 
+from hil.config.bicycle import SIGNALS
+from hil.control.track import MERGE_S, MERGE_SHARE
 from hil.messages import (
     ActuatorState,
     CueMessage,
     DriveMessage,
     EventMessage,
     ImuMessage,
+    RideMessage,
     SetpointMessage,
     StateMessage,
 )
@@ -42,6 +45,7 @@ class Content:
         self._cue: tuple[float, CueMessage] | None = None
         self._takers: dict[str, Callable[[bytes, float], None]] = {
             "/imu": self._taker(ImuMessage, self._take_imu),
+            "/ride": self._taker(RideMessage, self._take_ride),
             "/setpoint": self._taker(SetpointMessage, self._take_setpoint),
             "/state": self._taker(StateMessage, self._take_state),
             "/event": self._taker(EventMessage, lambda message, _: self.events.append(message)),
@@ -97,6 +101,13 @@ class Content:
             if value is not None:
                 self.signals.add(f"imu.{quantity}", held, value)
 
+    def _take_ride(self, message: RideMessage, _: float) -> None:
+        held = message.t if message.sampled is None else message.sampled
+        for signal in SIGNALS:
+            value = getattr(message, signal)
+            if value is not None:
+                self.signals.add(signal, held, value)
+
     def _take_setpoint(self, message: SetpointMessage, _: float) -> None:
         column = _SETPOINT_COLUMN.get(message.kind)
         if column is None:
@@ -118,13 +129,19 @@ class Content:
         self._cue = (t_s, message)
 
     def _close_cue(self, until_s: float) -> None:
-        """A cue's poses count from its receipt on until the next cue's first pose replaces them."""
+        """A cue's poses count from its receipt on until the next cue's first pose replaces them.
+
+        As in the daemon, that replaces what stands just before it, too: the same pose, a rounding or
+        the network's jitter away.
+        """
         if self._cue is None:
             return
         received, message = self._cue
+        ahead = [pose["dt"] for pose in message.poses]
+        near = max(MERGE_S, MERGE_SHARE * (ahead[1] - ahead[0]) if len(ahead) > 1 else 0.0)
         for pose in message.poses:
             t = received + pose["dt"]
-            if t < until_s:
+            if t < until_s - near:
                 for coordinate, value in pose.items():
                     if coordinate != "dt":
                         self.signals.add(f"cue.{coordinate}", t, value)

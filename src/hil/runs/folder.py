@@ -24,8 +24,8 @@ import tomlkit
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil import __version__
-from hil.config import RigFile
-from hil.configfile import parse_settings, read_toml
+from hil.config import AnyRig, BicycleFile, RigFile
+from hil.configfile import parse_any_rig, read_toml
 from hil.errors import ConfigError, RunError
 
 FORMAT: Final = "hil-run/1"
@@ -95,8 +95,10 @@ class RunMeta(BaseModel):
     recording: Provenance | None = None
 
 
-def setpoint_mode(rig: RigFile) -> Mode:
-    """What the drives are given in the rig's control mode."""
+def run_mode(rig: AnyRig) -> Mode:
+    """What the drives are given in the rig's control mode; a bicycle is ridden."""
+    if isinstance(rig, BicycleFile):
+        return "ride"
     return "position" if rig.control.mode == "drive" else "force"
 
 
@@ -172,6 +174,12 @@ def parse_meta(tables: dict[str, Any], source: str) -> RunMeta:
 
 
 def read_rig(folder: Path, meta: RunMeta) -> RigFile | None:
+    """The file of the rig that was driven, kept with the run; None where there is none. As `read_any_rig`."""
+    rig = read_any_rig(folder, meta)
+    return rig if isinstance(rig, RigFile) else None
+
+
+def read_any_rig(folder: Path, meta: RunMeta) -> AnyRig | None:
     """The rig file kept with the run, or None where there is none.
 
     RunError where it is not the one that ran: another name than `run.toml` says, or changed since.
@@ -184,7 +192,7 @@ def read_rig(folder: Path, meta: RunMeta) -> RigFile | None:
     if kept and kept != sha256(text):
         raise RunError(f"{path}: was changed after the run ({RUN_TOML} keeps its SHA-256)")
     try:
-        rig = parse_settings(read_toml(path), RigFile, str(path))
+        rig = parse_any_rig(read_toml(path), str(path))
     except ConfigError as error:
         raise RunError(str(error)) from error
     if rig.name != meta.rig:

@@ -15,8 +15,8 @@ import msgspec
 import pandas as pd
 import pyarrow as pa
 
-from hil.config import RigFile
-from hil.configfile import parse_settings
+from hil.config import AnyRig, BicycleFile, RigFile
+from hil.configfile import parse_any_rig
 from hil.errors import ConfigError, RunError
 from hil.messages import EventMessage
 from hil.runs.content import Content
@@ -27,8 +27,8 @@ from hil.runs.folder import (
     RUN_TOML,
     RunMeta,
     parse_meta,
+    read_any_rig,
     read_meta,
-    read_rig,
 )
 from hil.runs.mcapfile import McapSource
 from hil.runs.table import check_table, signal_order
@@ -50,6 +50,8 @@ class Run:
     events: tuple[Event, ...]
     damage: str | None = None
     """What the file lacks, where it was cut or hurt."""
+    bicycle: BicycleFile | None = None
+    """The bicycle's file kept with the run of one; `rig` is None then."""
 
     @property
     def duration_s(self) -> float:
@@ -58,7 +60,7 @@ class Run:
         return float(t.iloc[-1] - t.iloc[0])
 
 
-def load_run(path: Path, rig: RigFile | None = None) -> Run:
+def load_run(path: Path, rig: AnyRig | None = None) -> Run:
     """Read the run at `path`: a run folder, or a recording.mcap.
 
     `rig`: the rig file to hold the run against, instead of the one kept with it. RunError where
@@ -75,20 +77,35 @@ def load_run(path: Path, rig: RigFile | None = None) -> Run:
     raise RunError(f"{path}: is neither a run folder nor an .mcap file")
 
 
-def _load_folder(folder: Path, rig: RigFile | None) -> Run:
+def _load_folder(folder: Path, rig: AnyRig | None) -> Run:
     meta = read_meta(folder)
-    fitting = _fitting(rig, meta, folder) or read_rig(folder, meta)
+    fitting = _fitting(rig, meta, folder) or read_any_rig(folder, meta)
     if (folder / RECORDING).is_file():
         return _load_mcap(folder / RECORDING, meta, fitting)
     for name in ("signals.parquet", "signals.csv"):
         if (folder / name).is_file():
             table = check_table(_read_signals(folder / name), str(folder / name), fitting)
             events = _read_events(folder / EVENTS, _start_s(meta))
-            return Run(folder, meta, fitting, table, pd.DataFrame({"t": []}), events)
+            states = pd.DataFrame({"t": []})
+            return _run(folder, meta, fitting, table, states, events)
     raise RunError(f"{folder}: holds none of {RECORDING}, signals.parquet, signals.csv")
 
 
-def _fitting(rig: RigFile | None, meta: RunMeta, source: Path) -> RigFile | None:
+def _run(
+    path: Path,
+    meta: RunMeta,
+    rig: AnyRig | None,
+    table: pd.DataFrame,
+    states: pd.DataFrame,
+    events: tuple[Event, ...],
+    damage: str | None = None,
+) -> Run:
+    driven = rig if isinstance(rig, RigFile) else None
+    bicycle = rig if isinstance(rig, BicycleFile) else None
+    return Run(path, meta, driven, table, states, events, damage, bicycle)
+
+
+def _fitting(rig: AnyRig | None, meta: RunMeta, source: Path) -> AnyRig | None:
     if rig is not None and rig.name != meta.rig:
         raise RunError(f"{source}: is a run of the rig {meta.rig!r}, not of {rig.name!r}")
     return rig
@@ -125,7 +142,7 @@ def _event(message: EventMessage, start_s: float) -> Event:
     return Event(message.t - start_s, cast(Severity, severity), message.name, message.text)
 
 
-def _load_mcap(path: Path, meta: RunMeta | None, rig: RigFile | None) -> Run:
+def _load_mcap(path: Path, meta: RunMeta | None, rig: AnyRig | None) -> Run:
     source = McapSource(path)
     content = Content()
     offset_ns = None if meta is None else _offset_ns(meta)
@@ -149,7 +166,8 @@ def _load_mcap(path: Path, meta: RunMeta | None, rig: RigFile | None) -> Run:
     folder = path.parent if path.name == RECORDING else path
     beside = _read_events(path.parent / EVENTS, start_s) if folder != path else ()
     events = beside or tuple(_event(e, start_s) for e in content.events)
-    return Run(folder, meta, rig, check_table(table, str(path), rig), states, events, damage)
+    table = check_table(table, str(path), rig)
+    return _run(folder, meta, rig, table, states, events, damage)
 
 
 def _start_s(meta: RunMeta) -> float:
@@ -168,12 +186,12 @@ def _attached_meta(source: McapSource) -> RunMeta:
     return parse_meta(tomllib.loads(text.decode()), f"{source.path}: {RUN_TOML}")
 
 
-def _attached_rig(source: McapSource, meta: RunMeta) -> RigFile | None:
+def _attached_rig(source: McapSource, meta: RunMeta) -> AnyRig | None:
     text = source.attachments.get(RIG_TOML)
     if text is None:
         return None
     try:
-        rig = parse_settings(tomllib.loads(text.decode()), RigFile, f"{source.path}: {RIG_TOML}")
+        rig = parse_any_rig(tomllib.loads(text.decode()), f"{source.path}: {RIG_TOML}")
     except ConfigError as error:
         raise RunError(str(error)) from error
     return _fitting(rig, meta, source.path)

@@ -18,13 +18,15 @@ from typing import Final
 
 from msgspec import Struct
 
-from hil.config import RigFile
+from hil.config import AnyRig
+from hil.configfile import BICYCLE
 from hil.errors import RunError
 from hil.frames import StampedFrame
 from hil.messages import (
     DriveMessage,
     EventMessage,
     ImuMessage,
+    RideMessage,
     SetpointMessage,
     StateMessage,
     cue_message,
@@ -43,7 +45,7 @@ from hil.runs.folder import (
     meta_toml,
     new_folder,
     provenance,
-    setpoint_mode,
+    run_mode,
     write_meta,
 )
 from hil.runs.journal import JournalSink
@@ -69,7 +71,7 @@ class Recorder:
         self,
         folder: Path,
         rig_toml: str,
-        rig: RigFile,
+        rig: AnyRig,
         now_s: float,
         *,
         started: datetime | None = None,
@@ -90,7 +92,7 @@ class Recorder:
         self.path = new_folder(folder, rig.name, self._start)
         self._meta = RunMeta(
             rig=rig.name,
-            mode=setpoint_mode(rig),
+            mode=run_mode(rig),
             started=self._start,
             note=note,
             recording=provenance(rig_toml, now_s, command_line),
@@ -118,13 +120,17 @@ class Recorder:
             raise RunError(f"{self.path}: cannot record: {error.strerror}") from error
 
     def sample(self, sample: Sample) -> None:
-        """Record a measured value of a drive or of the IMU."""
+        """Record a measured value of a drive, of the IMU or of a bicycle (source "bicycle")."""
         t = sample.received_s
         if sample.source == "imu":
             if self._imu_at != (t, sample.sampled_s) or sample.quantity in self._imu:
                 self._write_imu()
                 self._imu_at = (t, sample.sampled_s)
             self._imu[sample.quantity] = sample.value
+            return
+        if sample.source == BICYCLE:
+            ride = RideMessage(t, sample.sampled_s, **{sample.quantity: sample.value})
+            self._write("/ride", "ride", ride, t)
             return
         message = DriveMessage(t, sample.sampled_s, **{sample.quantity: sample.value})
         self._write(f"/drive/{sample.source}", "drive", message, t)

@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from hil.config import RigFile
+from hil.config import AnyRig, BicycleFile
+from hil.config.bicycle import SIGNALS as BICYCLE_SIGNALS
 from hil.config.rig import COORDINATES_OF
 from hil.errors import RunError
 from hil.signals import IMU_QUANTITIES
@@ -27,7 +28,6 @@ ACTUATOR_QUANTITIES: Final = (
     "force",
     "current",
 )
-BICYCLE_SIGNALS: Final = ("lean", "rear_wheel", "steer")
 
 _ANY_COORDINATE: Final = tuple(dict.fromkeys(c for names in COORDINATES_OF.values() for c in names))
 _ANY_ACTUATOR: Final = re.compile(rf"[a-z][a-z0-9_]*\.({'|'.join(ACTUATOR_QUANTITIES)})")
@@ -67,9 +67,10 @@ class TableBuilder:
         return pd.DataFrame(columns)
 
 
-def signal_order(rig: RigFile) -> list[str]:
+def signal_order(rig: AnyRig) -> list[str]:
     """Every signal that a recording of `rig` may hold, in the order of its columns."""
     return [
+        *(BICYCLE_SIGNALS if isinstance(rig, BicycleFile) else ()),
         *(f"cue.{c}" for c in rig.coordinates),
         *(f"{a}.{q}" for a in rig.actuator_names for q in ACTUATOR_QUANTITIES),
         *(f"imu.{q}" for q in IMU_QUANTITIES),
@@ -88,7 +89,7 @@ def check_increasing(t: np.ndarray, what: str, row: str, *, strictly: bool) -> N
         )
 
 
-def check_signals(names: Iterable[str], source: str, rig: RigFile | None) -> None:
+def check_signals(names: Iterable[str], source: str, rig: AnyRig | None) -> None:
     """RunError for a signal that hil does not know, or that the rig has not."""
     known = signal_order(rig) if rig else None
     for name in names:
@@ -120,7 +121,7 @@ def _is_signal_of_some_rig(name: str) -> bool:
     return name in BICYCLE_SIGNALS or _ANY_ACTUATOR.fullmatch(name) is not None
 
 
-def check_table(table: pd.DataFrame, source: str, rig: RigFile | None) -> pd.DataFrame:
+def check_table(table: pd.DataFrame, source: str, rig: AnyRig | None) -> pd.DataFrame:
     """`table` as float64, or RunError: what `load_run` promises of every run, whoever made it.
 
     Names file, column and row (counted from 1, the header not counted).
@@ -164,8 +165,11 @@ def finite_numbers(column: pd.Series, source: str, name: str) -> np.ndarray:
     return np.asarray(values)
 
 
-def _check_units(name: str, values: np.ndarray, source: str, rig: RigFile) -> None:
+def _check_units(name: str, values: np.ndarray, source: str, rig: AnyRig) -> None:
     """RunError where most positions of an actuator lie far off its stroke: mm or degrees, say."""
+    if isinstance(rig, BicycleFile):
+        _check_angles(name, values, source)
+        return
     actuator, _, quantity = name.partition(".")
     if quantity not in ("position", "setpoint") or actuator not in rig.actuator_names:
         return
@@ -182,4 +186,18 @@ def _check_units(name: str, values: np.ndarray, source: str, rig: RigFile) -> No
     raise RunError(
         f"{source}: column {name}, from row {row}: values around {middle:.4g} lie far outside the "
         f"stroke {low}..{high} of the rig {rig.name!r}: wrong unit or wrong rig file{guess}"
+    )
+
+
+def _check_angles(name: str, values: np.ndarray, source: str) -> None:
+    """RunError where a bicycle's lean or steer is beyond a right angle for long: degrees, surely."""
+    if name not in ("lean", "steer"):
+        return
+    beyond = np.abs(values) > 0.5 * np.pi
+    if beyond.sum() < 0.01 * (~np.isnan(values)).sum():
+        return
+    row = int(np.flatnonzero(beyond)[0])
+    raise RunError(
+        f"{source}: column {name}, from row {row + 1}: {values[row]:.4g} rad is beyond a right angle: are "
+        "these degrees?"
     )

@@ -15,7 +15,7 @@ import pandas as pd
 
 from hil import __version__
 from hil.config import RigFile
-from hil.configfile import find_rig_file, load_rig
+from hil.configfile import find_rig_file, load_any_rig
 from hil.errors import ConfigError, RunError
 from hil.runs.folder import RIG_TOML, RunMeta, write_meta
 from hil.runs.importing.checks import check_signal, check_sizes
@@ -141,10 +141,10 @@ def _rig_of(
         )
         verdict: Verdict = "note" if mapped.mode == "ride" else "warning"
         return None, None, [Finding("rig_file", mapped.rig, verdict, text)]
-    rig = load_rig(path)
+    rig = load_any_rig(path)
     if rig.name != mapped.rig:
         raise RunError(f"{path}: is the rig {rig.name!r}, the map is for {mapped.rig!r}")
-    return rig, path, []
+    return (rig if isinstance(rig, RigFile) else None), path, []
 
 
 def _judged(findings: Sequence[Finding], mapped: ImportMap) -> list[Finding]:
