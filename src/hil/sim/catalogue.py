@@ -143,6 +143,23 @@ BUS: Effects = {
         Spec("answers", "1", 0.0, 0.0, 0.9, 0.02),
     )
 }
+BICYCLE: Effects = {
+    "front_suspension": (
+        Spec("stiffness", "N/m", math.inf, 1e3, math.inf, 2e4, "reciprocal"),
+        Spec("damping", "N·s/m", 500.0, 0.0, 1e5, 300.0),
+    ),
+    "tyre_compliance": (
+        Spec("stiffness", "N/m", math.inf, 2e4, math.inf, 3e5, "reciprocal"),
+        Spec("damping", "N·s/m", 200.0, 0.0, 1e5, 200.0),
+    ),
+    "rider_motion": (
+        Spec("stiffness", "N·m/rad", math.inf, 200.0, math.inf, 3e3, "reciprocal"),
+        Spec("damping", "N·m·s/rad", 100.0, 0.0, 1e4, 100.0),
+        Spec("gain", "1", 0.0, -2.0, 2.0, 0.2),
+    ),
+}  # fmt: skip
+WHEEL: Effects = {"wheel_radius": (Spec("scale", "1", 1.0, 0.8, 1.2, 0.01),)}
+SLIP: Effects = {"wheel_slip": (Spec("coefficient", "1", 0.0, -0.2, 0.5, 0.01),)}
 
 
 def size(effects: Effects) -> int:

@@ -14,10 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config import Actuator, AxisGeometry, Effect, RigFile
+from hil.config import Actuator, AnyRig, AxisGeometry, BicycleFile, Effect, RigFile
+from hil.config.bicycle import SIGNALS
 from hil.errors import ConfigError
 from hil.sim.catalogue import (
     ACTUATOR,
+    BICYCLE,
     BUS,
     CLOCK,
     GEOMETRY,
@@ -27,6 +29,8 @@ from hil.sim.catalogue import (
     QUANTITIES,
     QUANTITY_SCALE,
     QUANTITY_UNIT,
+    SLIP,
+    WHEEL,
     Effects,
     Search,
     Spec,
@@ -76,9 +80,10 @@ class Parameter:
 class ParameterTable:
     """All parameters of a rig's model, in the order of the vector."""
 
-    def __init__(self, rig: RigFile) -> None:
+    def __init__(self, rig: AnyRig) -> None:
         self.rig_name = rig.name
-        self.entries: tuple[Parameter, ...] = tuple(_entries(rig))
+        entries = _of_bicycle() if isinstance(rig, BicycleFile) else _entries(rig)
+        self.entries: tuple[Parameter, ...] = tuple(entries)
         self._index = {p.name: i for i, p in enumerate(self.entries)}
         self.neutral: Array = np.array([p.neutral for p in self.entries])
         self.neutral.setflags(write=False)
@@ -146,6 +151,18 @@ def _entries(rig: RigFile) -> Iterable[Parameter]:
         for a in rig.actuators:
             for end in ("base", "platform"):
                 yield from _block(f"{a.name}.{end}", GEOMETRY)
+
+
+def _of_bicycle() -> Iterable[Parameter]:
+    yield from _block("bicycle", BICYCLE)
+    yield from _block("rear_wheel", WHEEL | SLIP)
+    yield from _block("front_wheel", WHEEL)
+    for signal in SIGNALS:
+        yield from _block(signal, sensor_effects("rad", 0.01))
+    for channel in IMU_CHANNELS:
+        unit, scale = ("rad/s", 0.01) if channel.startswith("gyro") else ("m/s²", 0.05)
+        yield from _block(f"imu.{channel}", sensor_effects(unit, scale))
+    yield from _block("imu", sensor_effects("rad/s, m/s²", 0.01) | MISALIGNMENT | CLOCK)
 
 
 def _block(

@@ -1,0 +1,167 @@
+"""A recorded ride brought to order: one grid for lean, wheel and steer, calibrated, the IMU at its stamps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from hil.bicycle.sensors import IMU_SIGNALS
+from hil.config import BicycleFile
+from hil.config.bicycle import SIGNALS
+from hil.errors import RunError
+from hil.runs import Run
+from hil.runs.importing.findings import Finding
+from hil.runs.importing.importer import EXTRA
+
+Array = NDArray[np.float64]
+Series = tuple[Array, Array]
+
+SHORTEST_S: Final = 2.0
+GAP_PERIODS: Final = 5.0
+"""Samples missing for so many periods are told: what happened in between is a straight line then."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ride:
+    """Lean, rear wheel and steer on one grid, calibrated by the rig file; the IMU where it was sampled."""
+
+    name: str
+    rig: BicycleFile
+    start_s: float
+    """Of the grid, on the run's clock."""
+    dt_s: float
+    angles: Array
+    """(N, 3): lean, rear wheel, steer, rad."""
+    imu: dict[str, Series]
+    """By signal: instants on the run's clock and values, bias and scale of the rig file taken out."""
+    findings: tuple[Finding, ...]
+
+    @property
+    def t_s(self) -> Array:
+        """(N,) on the run's clock."""
+        return np.asarray(self.start_s + self.dt_s * np.arange(len(self.angles)))
+
+
+def prepare(run: Run, rig: BicycleFile) -> Ride:
+    """The ride in `run` as `rig` measures; RunError names the channel that is missing or broken."""
+    name = run.path.name
+    series = {str(c): _series(run.table, str(c)) for c in run.table.columns if c != "t"}
+    findings: list[Finding] = []
+    if "rear_wheel" not in series and "lean" in series:
+        series["rear_wheel"] = _rolled_by_speed(run, rig, findings)
+    missing = [s for s in SIGNALS if s not in series]
+    if missing:
+        raise RunError(
+            f"{run.path}: holds no {' and no '.join(missing)}: lean, rear wheel and steer are what the ride "
+            "is computed from; a log with other names comes in with `hil runs import`"
+        )
+    series["rear_wheel"] = _rolled(series["rear_wheel"], rig, findings, str(run.path))
+    start = max(float(series[s][0][0]) for s in SIGNALS)
+    end = min(float(series[s][0][-1]) for s in SIGNALS)
+    dt = 1.0 / rig.rate
+    if end - start < SHORTEST_S:
+        raise RunError(f"{run.path}: lean, wheel and steer overlap for {end - start:.2f} s only")
+    for s in SIGNALS:
+        findings += _rate_and_gaps(s, series[s][0], rig)
+    grid = start + dt * np.arange(int((end - start) / dt) + 1)
+    zero = (rig.sensors.lean_zero, 0.0, rig.sensors.steer_zero)
+    columns = [
+        np.interp(grid + (rig.sensors.lean_delay if s == "lean" else 0.0), *series[s]) - z
+        for s, z in zip(SIGNALS, zero, strict=True)
+    ]
+    columns[1] = columns[1] - columns[1][0]
+    bias = (*rig.sensors.gyro_bias, *rig.sensors.accel_bias)
+    scale = (1.0, 1.0, 1.0, *rig.sensors.accel_scale)
+    imu = {
+        s: (series[s][0], (series[s][1] - bias[k]) / scale[k])
+        for k, s in enumerate(IMU_SIGNALS)
+        if s in series
+    }
+    findings += _saturation(series["lean"], rig)
+    return Ride(name, rig, start, dt, np.column_stack(columns), imu, tuple(findings))
+
+
+def _series(table: pd.DataFrame, column: str) -> Series:
+    values = table[column].to_numpy(dtype=float)
+    there = ~np.isnan(values)
+    return table["t"].to_numpy(dtype=float)[there], values[there]
+
+
+def _rolled_by_speed(run: Run, rig: BicycleFile, findings: list[Finding]) -> Series:
+    """The wheel's angle from a logged speed, where the bicycle counts no turns of its wheel."""
+    path = run.path / EXTRA
+    extra = pd.read_parquet(path) if path.is_file() else pd.DataFrame()
+    if "speed" not in extra:
+        raise RunError(
+            f"{run.path}: holds no rear_wheel, nor a speed among its extras to count it from"
+        )
+    t, speed = _series(extra, "speed")
+    rolled = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
+    text = "the wheel's angle is the integral of the logged speed over its radius: no encoder was logged"
+    findings.append(Finding("from_speed", "rear_wheel", "note", text))
+    return t, rolled / rig.geometry.R
+
+
+def _rolled(series: Series, rig: BicycleFile, findings: list[Finding], source: str) -> Series:
+    """The wheel's angle without the jumps of a counter that ran over; RunError where it runs backward."""
+    t, angle = series
+    steps = np.diff(angle)
+    typical = float(np.median(np.abs(steps))) + 2.0 * np.pi / rig.sensors.steps_per_turn
+    jumps = np.flatnonzero(np.abs(steps) > max(50.0 * typical, 1.0))
+    if jumps.size:
+        sizes = steps[jumps]
+        if np.ptp(np.abs(sizes)) > 20.0 * typical + 0.2:
+            row = int(jumps[0])
+            raise RunError(
+                f"{source}: column rear_wheel: jumps by {sizes[0]:.4g} rad at {t[row + 1]:.3f} s and by "
+                "other amounts elsewhere: no counter runs over like that; lost counts or a loose encoder?"
+            )
+        corrected = steps.copy()
+        corrected[jumps] = np.median(np.delete(steps, jumps))
+        angle = np.concatenate([[angle[0]], angle[0] + np.cumsum(corrected)])
+        text = (
+            f"the counter ran over {jumps.size} times (by {np.mean(np.abs(sizes)):.5g} rad, first at "
+            f"{t[jumps[0] + 1]:.2f} s); its turns were put together again"
+        )
+        findings.append(Finding("rollover", "rear_wheel", "warning", text))
+    if angle[-1] - angle[0] < -1.0:
+        raise RunError(
+            f"{source}: column rear_wheel: ends {angle[0] - angle[-1]:.4g} rad below its start: the bicycle "
+            "rolled backward, or the encoder counts forward as negative (forward is positive)"
+        )
+    return t, angle
+
+
+def _rate_and_gaps(signal: str, t: Array, rig: BicycleFile) -> list[Finding]:
+    steps = np.diff(t)
+    out = []
+    rate = 1.0 / float(np.median(steps))
+    if abs(rate / rig.rate - 1.0) > 0.2:
+        text = f"is sampled at {rate:.1f} Hz, the rig file says {rig.rate:g}: it was interpolated"
+        out.append(Finding("rate", signal, "warning", text))
+    holes = np.flatnonzero(steps > GAP_PERIODS / min(rate, rig.rate))
+    if holes.size:
+        k = int(holes[np.argmax(steps[holes])])
+        text = (
+            f"{holes.size} gaps, the longest {1e3 * steps[k]:.0f} ms at {t[k]:.2f} s: straight lines stand "
+            "there, and everything after has a path of its own"
+        )
+        out.append(Finding("gaps", signal, "warning", text))
+    return out
+
+
+def _saturation(series: Series, rig: BicycleFile) -> list[Finding]:
+    t, lean = series
+    limit = rig.sensors.lean_range
+    at_end = np.abs(lean) >= limit - max(rig.noise.lean_step, 1e-4)
+    if at_end.sum() < 3:
+        return []
+    text = (
+        f"{at_end.sum()} samples stand at the inclinometer's range of ±{np.rad2deg(limit):.1f} degrees, first "
+        f"at {t[np.argmax(at_end)]:.2f} s: the bicycle leant further than it could read"
+    )
+    return [Finding("saturation", "lean", "warning", text)]
