@@ -337,4 +337,4 @@ def test_a_cue_that_is_known_ahead_is_met_without_the_lag_of_a_guess():
         assert not shaper.counts
         return max(errors[420:]) / amplitude
 
-    assert worst(0.08) < 0.01 < 2.0 * worst(0.08) < worst(0.02)
+    assert worst(0.08) < 1e-9 < 0.01 < worst(0.02)

@@ -10,6 +10,7 @@ import textwrap
 from pathlib import Path
 
 import can
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 
@@ -249,6 +250,17 @@ def test_reserve_of_the_disk_is_left_alone(tmp_path: Path, rig: RigFile, rig_tom
     tell(recorder, rig, 0, 100)
     assert recorder.stopped is not None
     assert "stay reserved" in recorder.stopped.text
+
+
+def test_a_pose_that_comes_again_stands_once(recorder: Recorder) -> None:
+    """Cues count their own times: the same pose, told again, lies a rounding beside itself."""
+    for k, rounding in enumerate((0.0, 1e-7, -1e-7, 3e-8)):
+        timed = tuple(TimedPose(0.02 * j, (0.0, 0.0, 0.1 * (k + j))) for j in range(3))
+        recorder.cue(Cue("c", k, 0.0, START_S + 0.02 * k + rounding, timed))
+    recorder.close()
+    table = load_run(recorder.path).table
+    assert table["t"].to_numpy() == pytest.approx(0.02 * np.arange(6), abs=1e-6)
+    assert table["cue.roll"].tolist() == pytest.approx(0.1 * np.arange(6))
 
 
 def test_cue_columns_show_what_was_asked_for_at_each_instant(recorder: Recorder) -> None:

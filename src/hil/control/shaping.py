@@ -8,6 +8,7 @@ actuators'; where no better step is safe, that stop is what it does.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from hil.config import RigFile
 from hil.control.actuator_limits import ActuatorLimits, Demand
 from hil.control.planner import CoordinatePlanner, State
 from hil.control.reference import Reference
-from hil.control.track import CueTrack
+from hil.control.wanted import CueGoal, Wanted
 from hil.errors import LimitViolation
 from hil.rigs import Manipulator
 from hil.signals import Cue
@@ -26,14 +27,6 @@ from hil.signals import Cue
 Vector = NDArray[np.float64]
 Mode = Literal["hold", "follow", "park"]
 
-FOLLOW_S: Final = 0.05
-FOLLOW_CYCLES: Final = 5
-"""Errors to a cue that is known ahead close within this time or so many cycles: poles near 70 rad/s."""
-FOLLOW_GUESSED: Final = 4.0
-FOLLOW_MOST_S: Final = 0.15
-"""Where the newest pose lies in the past the target is a guess that each new cue corrects: following
-is gentler by so many times its age, or the rig would shake with the rate of the cues."""
-GUESS_SMOOTH_S: Final = 1.0
 EASE_AT: Final = 0.97
 """From this use of an actuator's limit on, the speed share is lowered."""
 SLOWEST: Final = 0.02
@@ -53,28 +46,18 @@ class CueShaper:
         self.acceleration_share = self._actuators.acceleration_share(rig.limits, acceleration)
         """Share of cue.acceleration in use: below 1 where an actuator's acceleration_max forbids more."""
         self._cycle_s = rig.bus.cycle
-        self._guessed_s = 0.0
-        self._limits = np.asarray(rig.limits)
         self._jerk = jerk
         self._planners = [
             CoordinatePlanner(v, self.acceleration_share * a, j, limit, rig.bus.cycle)
             for v, a, j, limit in zip(velocity, acceleration, jerk, rig.limits, strict=True)
         ]
-        self._track = CueTrack(velocity, rig.cue.future)
-        self._stale_s = rig.cue.stale
-        self._ramp_s = rig.cue.ramp_in
         self._parked = np.asarray(rig.parked_pose)
+        self._wanted = Wanted(rig, self._parked)
         self._park_share = rig.parking.speed_share
-        self._gain_goal = rig.cue.gain
-        self._gain = (rig.cue.gain, 0.0, 0.0)
         self._mode: Mode = "hold"
         self._speed_share = 1.0
         self._share = 1.0
         self._outside = 0.0
-        self._client: str | None = None
-        self._last_cue_s = -np.inf
-        self._ramp_from = self._parked
-        self._ramp_start_s: float | None = None
         self._states = [State(float(p), 0.0, 0.0) for p in self._parked]
         self.counts: Counter[str] = Counter()
 
@@ -86,7 +69,7 @@ class CueShaper:
     @property
     def gain(self) -> float:
         """The master gain in force at this moment, 0..1."""
-        return self._gain[0]
+        return self._wanted.gain
 
     @property
     def pose(self) -> Vector:
@@ -112,28 +95,21 @@ class CueShaper:
         self._states = [State(float(p), 0.0, 0.0) for p in pose]
         self._outside = self._actuators.outside(np.asarray(pose, dtype=np.float64))
         self._speed_share = 1.0
-        self._gain = (self._gain_goal, 0.0, 0.0)
+        self._wanted.settle_gain()
         self.hold()
 
     def set_gain(self, gain: float) -> None:
         """Set the master gain, reached smoothly within about cue.ramp_in; LimitViolation outside 0..1."""
-        if not 0.0 <= gain <= 1.0:
-            raise LimitViolation(f"gain {gain} lies outside 0..1: a gain can only lower motion")
-        self._gain_goal = gain
+        self._wanted.set_gain(gain)
 
     def accept(self, cue: Cue) -> None:
         """Take a cue that CueGuard let through. A new or resuming client starts with a soft ramp."""
-        if cue.client != self._client or cue.received_s - self._last_cue_s > self._stale_s:
-            self._track.clear()
-            self._ramp_start_s = None
-        self._client = cue.client
-        self._last_cue_s = cue.received_s
-        self._track.add(cue)
+        self._wanted.accept(cue)
 
     def follow(self) -> None:
         """Follow cues from now on, beginning with a soft ramp from where the motion stands."""
         self._mode = "follow"
-        self._ramp_start_s = None
+        self._wanted.ramp_in()
 
     def hold(self) -> None:
         """Come to rest as quickly as limits allow, and stay."""
@@ -149,10 +125,10 @@ class CueShaper:
 
     def step(self, now_s: float) -> Reference:
         """The motion wanted one bus cycle after `now_s`. Call once a cycle."""
-        self._advance_gain()
+        self._wanted.advance_gain()
         limited: list[str] = []
-        goals = self._goals(now_s)
-        plans = self._plan(goals, self._speed_share, limited)
+        goal = self._goal(now_s)
+        plans = self._plan(goal, self._speed_share, limited)
         demand = self._demand(plans)
         if demand.use > 1.0:
             limited.append(demand.rule)
@@ -162,7 +138,7 @@ class CueShaper:
             faster = self._speed_share + RECOVERY_PER_S * self._cycle_s
             self._speed_share = min(faster, 1.0)
         if demand.use > 1.0:
-            plans = self._plan(goals, self._speed_share, [])
+            plans = self._plan(goal, self._speed_share, [])
             if self._demand(plans).use > 1.0:
                 plans = [_stop(pl, s) for pl, s in zip(self._planners, self._states, strict=True)]
         self._states = [state for state, _ in plans]
@@ -177,84 +153,22 @@ class CueShaper:
             tuple(limited),
         )
 
-    def _advance_gain(self) -> None:
-        """Three equal real poles: smooth up to the acceleration, no overshoot, there within ramp_in."""
-        g, gd, gdd = self._gain
-        w, dt = 8.0 / self._ramp_s, self._cycle_s
-        gdd -= dt * w * (3.0 * gdd + w * (3.0 * gd + w * (g - self._gain_goal)))
-        gd += dt * gdd
-        self._gain = (min(max(g + dt * gd, 0.0), 1.0), gd, gdd)
-
-    def _target(self, now_s: float, t_s: float) -> tuple[Vector, Vector, Vector]:
-        """The cue at `t_s`, by master gain and ramp, inside the workspace."""
-        p, v, a = self._track.target(t_s)
-        g, gd, gdd = self._gain
-        p, v, a = g * p, g * v + gd * p, g * a + 2.0 * gd * v + gdd * p
-        if self._ramp_start_s is None:
-            self._ramp_start_s = now_s
-            self._ramp_from = self.pose
-        u = (t_s - self._ramp_start_s) / self._ramp_s
-        if u < 1.0:
-            w = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
-            wd = 30.0 * u * u * (1.0 - u) ** 2 / self._ramp_s
-            wdd = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp_s**2
-            d = p - self._ramp_from
-            p, v, a = self._ramp_from + w * d, w * v + wd * d, w * a + 2.0 * wd * v + wdd * d
-        inside = np.clip(p, -self._limits, self._limits)
-        beyond = inside != p
-        return inside, np.where(beyond, 0.0, v), np.where(beyond, 0.0, a)
-
-    def _goals(self, now_s: float) -> _Goals | None:
+    def _goal(self, now_s: float) -> CueGoal | _Park | None:
         """Where to go from here: None is to rest."""
         if self._mode == "park":
-            return _Goals(None, self._parked, np.zeros_like(self._parked), self._share)
-        if self._mode == "hold" or not len(self._track):
+            return _Park(self._parked, self._share)
+        if self._mode == "hold" or not self._wanted:
             return None
-        age = min(max(now_s - self._track.newest_s, 0.0), self._stale_s)
-        self._guessed_s += (age - self._guessed_s) * self._cycle_s / GUESS_SMOOTH_S
-        pose, velocity, _ = self._target(now_s, now_s + self._cycle_s)
-        return _Goals(self._met(now_s), pose, velocity, 1.0)
+        return self._wanted.goal(now_s, self.pose)
 
-    def _met(self, now_s: float) -> tuple[Vector, Vector, Vector]:
-        """The target's state in which to meet it: the cue's own where it reaches so far ahead.
-
-        Else the present one, carried on with its acceleration: no lag behind constant acceleration.
-        """
-        t = self._within_s
-        if now_s + t <= self._track.newest_s:
-            return self._target(now_s, now_s + t)
-        p, v, a = self._target(now_s, now_s)
-        return p + t * (v + 0.5 * t * a), v + t * a, a
-
-    @property
-    def _within_s(self) -> float:
-        quickest = max(FOLLOW_S, FOLLOW_CYCLES * self._cycle_s)
-        return min(quickest + FOLLOW_GUESSED * self._guessed_s, max(FOLLOW_MOST_S, quickest))
-
-    def _plan(self, goals: _Goals | None, speed_share: float, limited: list[str]) -> list[_Plan]:
+    def _plan(
+        self, goal: CueGoal | _Park | None, speed_share: float, limited: list[str]
+    ) -> list[_Plan]:
         """Next state of each coordinate with its quickest stop; coordinates' own limits kept."""
-        plans: list[_Plan] = []
-        for k, (planner, s) in enumerate(zip(self._planners, self._states, strict=True)):
-            if goals is None:
-                plans.append(_stop(planner, s))
-                continue
-            if goals.met is not None:
-                end = State(*(float(x[k]) for x in goals.met))
-                step = planner.follow(s, end, self._within_s, speed_share)
-                stop = None if step is None else planner.stopping(step)
-                if step is not None and stop is not None:
-                    plans.append((step, stop))
-                    continue
-                limited.append(f"cue_limits:{self._coordinates[k]}")
-            near = State(float(goals.pose[k]), float(goals.velocity[k]), 0.0)
-            step = planner.hurry(s, near, speed_share * goals.share, goals.share)
-            stop = None if step is None else planner.stopping(step)
-            if step is not None and stop is not None:
-                plans.append((step, stop))
-            else:
-                limited.append(f"workspace:{self._coordinates[k]}")
-                plans.append(_stop(planner, s))
-        return plans
+        return [
+            next(_ways(planner, s, goal, k, speed_share, self._coordinates[k], limited))
+            for k, (planner, s) in enumerate(zip(self._planners, self._states, strict=True))
+        ]
 
     def _demand(self, plans: list[_Plan]) -> Demand:
         """The actuators' limit most used by the next state and by the quickest stop from it.
@@ -275,16 +189,53 @@ class CueShaper:
 _Plan = tuple[State, Trajectory | None]
 
 
-class _Goals(NamedTuple):
-    """Targets of one cycle: `met` to follow smoothly, else pose and velocity to reach quickly."""
+class _Park(NamedTuple):
+    """A pose to come to rest in, with a share of speed and acceleration."""
 
-    met: tuple[Vector, Vector, Vector] | None
     pose: Vector
-    velocity: Vector
     share: float
+
+
+def _ways(
+    planner: CoordinatePlanner,
+    s: State,
+    goal: CueGoal | _Park | None,
+    k: int,
+    speed_share: float,
+    name: str,
+    limited: list[str],
+) -> Iterator[_Plan]:
+    """Steps of coordinate k towards its goal from which it can stop, the gentlest first; last the stop.
+
+    Notes in `limited` what kept the gentler ones from being taken.
+    """
+    if isinstance(goal, CueGoal):
+        now, after, met = goal.now[k], goal.after[k], goal.met[k]
+        use = None if goal.uses is None else goal.uses[k]
+        if use is not None:
+            step = planner.pass_on(s, now, after, goal.within_s, use, speed_share)
+            yield from _stoppable(planner, s, step)
+        yield from _stoppable(planner, s, planner.meet(s, met, goal.within_s, speed_share))
+        limited.append(f"cue_limits:{name}")
+        if use is not None:
+            yield from _stoppable(planner, s, planner.catch_up(s, now, after, use, speed_share))
+        yield from _stoppable(planner, s, planner.hurry(s, after, speed_share))
+        limited.append(f"workspace:{name}")
+    elif goal is not None:
+        home = State(float(goal.pose[k]), 0.0, 0.0)
+        step = planner.hurry(s, home, speed_share * goal.share, goal.share)
+        yield from _stoppable(planner, s, step)
+        limited.append(f"workspace:{name}")
+    yield _stop(planner, s)
+
+
+def _stoppable(planner: CoordinatePlanner, s: State, step: State | None) -> Iterator[_Plan]:
+    stop = None if step is None else planner.stopping(step, s)
+    if step is not None and stop is not None:
+        yield step, stop
 
 
 def _stop(planner: CoordinatePlanner, s: State) -> _Plan:
     """First cycle of the quickest stop. Ruckig finds one from any finite state; else stand still."""
     step = planner.stop(s)
-    return (State(s.p, 0.0, 0.0), None) if step is None else (step, planner.stopping(step))
+    return (State(s.p, 0.0, 0.0), None) if step is None else (step, planner.stopping(step, s))

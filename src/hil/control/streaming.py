@@ -21,8 +21,9 @@ Motion = Callable[[Array], Array]
 """Poses (k, coordinates) at times (k,), s; rad or m."""
 
 RATE_HZ: Final = 50.0
-AHEAD_S: Final = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1)
-"""Instants of a cue's poses after its own, s: shaping looks 50 ms ahead, and a cue may be late."""
+AHEAD_S: Final = tuple(round(0.01 * k, 2) for k in range(11))
+"""Instants of a cue's poses after its own, s: shaping looks 50 ms ahead, and a cue may be late. Every
+10 ms, so that what is read between them is the motion up to some 10 Hz."""
 
 
 def motion_of(trajectory: CueTrajectory) -> Motion:

@@ -6,12 +6,12 @@ are placed by those stamps plus the smallest delay seen lately: network jitter n
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.control.interpolation import derivatives, evaluate
 from hil.signals import Cue
 
 Vector = NDArray[np.float64]
@@ -27,7 +27,9 @@ EDGE_S: Final = 0.12
 """Poses whose parabola tells speed and acceleration at the newest: few and young, so that it is now."""
 HISTORY_S: Final = 0.5
 MERGE_S: Final = 1.0e-4
-"""Poses closer in time than this are one pose: their difference says nothing about speed."""
+MERGE_SHARE: Final = 0.25
+"""A pose planned earlier and nearer to a new one than this, or than this share of the new cue's own step,
+is superseded by it: their difference says nothing about speed."""
 
 
 class ClientClock:
@@ -50,7 +52,7 @@ class ClientClock:
 
 
 class CueTrack:
-    """Accepted poses in order of our time, interpolated by cubic Hermite segments.
+    """Accepted poses in the client's time, as a motion in ours (`hil.control.interpolation`).
 
     A pair of poses that only a jump could join (faster than `velocity_max`) lends no slope to its
     neighbours, so a step in the cue is a step to a resting target and not a kick.
@@ -59,10 +61,7 @@ class CueTrack:
     def __init__(self, velocity_max: Vector, future_s: float) -> None:
         self._velocity_max = velocity_max
         self._future_s = future_s
-        self._clock = ClientClock()
-        self._times: list[float] = []
-        self._poses: list[Vector] = []
-        self._edge = (np.zeros_like(velocity_max), np.zeros_like(velocity_max))
+        self.clear()
 
     def __len__(self) -> int:
         return len(self._times)
@@ -70,87 +69,78 @@ class CueTrack:
     @property
     def newest_s(self) -> float:
         """Our time of the pose furthest ahead, -inf without one, s."""
-        return self._times[-1] if self._times else -np.inf
+        return float(self._times[-1]) + self._offset_s if len(self._times) else -np.inf
 
     def clear(self) -> None:
         """Forget client and poses."""
+        n = len(self._velocity_max)
         self._clock = ClientClock()
-        self._times.clear()
-        self._poses.clear()
+        self._origin_s = 0.0  # a client that counts from 1970 leaves no digits for microseconds
+        self._offset_s = 0.0
+        self._times: Vector = np.empty(0)
+        self._poses: Vector = np.empty((0, n))
+        self._velocity: Vector = np.empty((0, n))
+        self._acceleration: Vector = np.empty((0, n))
+        self._out = np.empty((3, n))
 
     def add(self, cue: Cue) -> None:
-        """Take a validated cue: its poses replace what was planned from its first pose on."""
-        offset = self._clock.observe(cue.t_client_s, cue.received_s) + cue.t_client_s
-        poses = [p for p in cue.poses if offset + p.dt_s <= cue.received_s + self._future_s]
-        if not poses:
+        """Take a validated cue: its poses replace what was planned from its first pose on.
+
+        A better offset moves the whole motion in time, what is kept of it as well: no two poses come
+        to stand beside each other that the client sent apart.
+        """
+        if not len(self._times):
+            self._origin_s = cue.t_client_s
+        client_s = cue.t_client_s - self._origin_s
+        self._offset_s = self._clock.observe(client_s, cue.received_s)
+        now_s = cue.received_s - self._offset_s
+        dt_s = np.array([pose.dt_s for pose in cue.poses])
+        steps = np.diff(dt_s, prepend=-np.inf)
+        new = client_s + dt_s
+        usable = (new <= now_s + self._future_s) & (steps >= MERGE_S)
+        if not usable.any():
             return
-        first = offset + poses[0].dt_s - MERGE_S
-        keep = bisect_right(self._times, first)
-        oldest = bisect_right(self._times, cue.received_s - HISTORY_S)
-        oldest = min(oldest, max(keep - 3, 0))
-        self._times = self._times[oldest:keep]
-        self._poses = self._poses[oldest:keep]
-        for pose in poses:
-            self._times.append(offset + pose.dt_s)
-            self._poses.append(np.asarray(pose.pose, dtype=np.float64))
-        self._edge = self._fit_edge()
+        near = max(MERGE_S, MERGE_SHARE * steps[1]) if len(dt_s) > 1 else MERGE_S
+        keep = int(np.searchsorted(self._times, new[0] - near, "right"))
+        oldest = int(np.searchsorted(self._times, now_s - HISTORY_S, "right"))
+        kept = slice(min(oldest, max(keep - 3, 0)), keep)
+        poses = np.array([pose.pose for pose in cue.poses])
+        self._times = np.concatenate([self._times[kept], new[usable]])
+        self._poses = np.concatenate([self._poses[kept], poses[usable]])
+        self._velocity = np.empty_like(self._poses)
+        self._acceleration = np.empty_like(self._poses)
+        derivatives(
+            self._times, self._poses, self._velocity_max, self._velocity, self._acceleration
+        )
+        self._velocity[-1], self._acceleration[-1] = self._fit_edge()
 
     def target(self, t_s: float) -> tuple[Vector, Vector, Vector]:
         """Pose, velocity and acceleration wanted at `t_s` on our clock, each (n,). Needs a pose."""
-        times = self._times
-        i = bisect_right(times, t_s)
-        if i == 0:
+        at_s = t_s - self._offset_s
+        if at_s < self._times[0]:
             zero = np.zeros_like(self._poses[0])
             return self._poses[0].copy(), zero, zero
-        if i == len(times):
-            return self._beyond(t_s)
-        p0, p1 = self._poses[i - 1], self._poses[i]
-        h = times[i] - times[i - 1]
-        secant = (p1 - p0) / h
-        jump = np.abs(secant) > self._velocity_max
-        v0 = self._slope(i - 1)
-        v1 = self._slope(i)
-        u = (t_s - times[i - 1]) / h
-        c2 = 3.0 * secant - 2.0 * v0 - v1
-        c3 = v0 + v1 - 2.0 * secant
-        pose = p0 + h * u * (v0 + u * (c2 + u * c3))
-        velocity = v0 + u * (2.0 * c2 + 3.0 * u * c3)
-        acceleration = (2.0 * c2 + 6.0 * u * c3) / h
-        if jump.any():
-            pose = np.where(jump, p0 + (p1 - p0) * u, pose)
-            velocity = np.where(jump, 0.0, velocity)
-            acceleration = np.where(jump, 0.0, acceleration)
+        if at_s >= self._times[-1]:
+            return self._beyond(at_s - self._times[-1])
+        evaluate(
+            self._times,
+            self._poses,
+            self._velocity,
+            self._acceleration,
+            self._velocity_max,
+            at_s,
+            self._out,
+        )
+        pose, velocity, acceleration = self._out.copy()
         return pose, velocity, acceleration
-
-    def _secant(self, i: int) -> tuple[Vector, NDArray[np.bool_]]:
-        """Mean velocity from pose i to i + 1, and where it may be believed (no jump)."""
-        secant = (self._poses[i + 1] - self._poses[i]) / (self._times[i + 1] - self._times[i])
-        return secant, np.abs(secant) <= self._velocity_max
-
-    def _slope(self, i: int) -> Vector:
-        """Velocity at pose i: derivative of the parabola through it and its neighbours."""
-        last = len(self._times) - 1
-        if last == 0:
-            return np.zeros_like(self._poses[0])
-        if i == last:
-            return self._edge[0]
-        right, right_ok = self._secant(i)
-        if i == 0:
-            return np.where(right_ok, right, 0.0)
-        left, left_ok = self._secant(i - 1)
-        hl = self._times[i] - self._times[i - 1]
-        hr = self._times[i + 1] - self._times[i]
-        mean = (left * hr + right * hl) / (hl + hr)
-        one_sided = np.where(left_ok, left, np.where(right_ok, right, 0.0))
-        return np.where(left_ok & right_ok, mean, one_sided)
 
     def _fit_edge(self) -> tuple[Vector, Vector]:
         """Velocity and acceleration at the newest pose: parabola through the last few, by least squares.
 
         A coordinate's poses from before a jump do not count.
         """
-        times = np.array(self._times[-EDGE_POSES:])
-        poses = np.array(self._poses[-EDGE_POSES:])
+        times = self._times[-EDGE_POSES:]
+        poses = self._poses[-EDGE_POSES:]
         back = times - times[-1]
         first = int(np.searchsorted(back, -EDGE_S))
         back, poses = back[first:], poses[first:]
@@ -171,9 +161,8 @@ class CueTrack:
                 velocity[same], acceleration[same] = fit[1], fit[2]
         return velocity, acceleration
 
-    def _beyond(self, t_s: float) -> tuple[Vector, Vector, Vector]:
-        velocity, acceleration = self._edge
-        ahead = t_s - self._times[-1]
+    def _beyond(self, ahead: float) -> tuple[Vector, Vector, Vector]:
+        velocity, acceleration = self._velocity[-1], self._acceleration[-1]
         ta = min(ahead, ACCELERATE_S)
         tv = min(max(ahead - ACCELERATE_S, 0.0), COAST_S - ACCELERATE_S)
         v_end = velocity + acceleration * ta

@@ -22,8 +22,9 @@ CUE_HZ: Final = 100.0
 AHEAD_S: Final = 0.12
 SETTLE_S: Final = 0.5
 """After the soft start, and at the end until everything rests."""
-DEVIATION: Final = 0.05
-"""Of a coordinate's peak: shaping follows 5 Hz within 3 %, slower motion closer; more is not the design."""
+DEVIATION: Final = 0.01
+"""Of a coordinate's peak: shaping passes a cue inside all limits, so that only what is read between its
+poses may differ; more is not the design."""
 STILL: Final = 2.0e-5
 """Deviations below this, m or rad, are no motion."""
 

@@ -11,11 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import RigFile
-from hil.control.planner import CoordinatePlanner, State
 from hil.control.setpoints import setpoint_leads
-from hil.control.shaping import FOLLOW_CYCLES, FOLLOW_S
 from hil.control.track import CueTrack
-from hil.errors import IdentificationError
 from hil.identify.frequency.harmonics import sample_step
 from hil.rigs import build_rig
 from hil.signals import Cue, TimedPose
@@ -23,8 +20,6 @@ from hil.signals import Cue, TimedPose
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-SMALL: Final = 1.0e-7
-"""A motion that no limit minds, m or rad."""
 OFFSETS: Final = 5
 """Places between two poses of the cue at which cycles read it: one place if the clocks agree."""
 
@@ -74,52 +69,29 @@ def drives_response(
 def command_response(
     rig: RigFile, coordinate: str, hz: Array, cue_s: Array, cycle_s: Array
 ) -> ComplexArray:
-    """Response (F,) of the setpoints' pose to a cue, for a platform without filter.
+    """Response (F,) of the setpoints' pose to a cue, the platform's filter left out.
 
-    Shaping follows a cue that keeps the limits and is known ahead; mode "drive" then carries the motion
+    Shaping passes a cue that keeps the limits and is known ahead; mode "drive" then carries the motion
     on, as a parabola, to the instant at which each drive reaches its setpoint. `cue_s` are the instants of
     the cue's poses, between which the daemon interpolates, `cycle_s` starts of its cycles.
     """
-    shaped = _shaping(rig, coordinate, hz, cue_s, cycle_s)
+    step_s = sample_step(cue_s)
+    ahead = np.mod(cycle_s + rig.bus.cycle - cue_s[0], step_s)
+    offsets = np.quantile(ahead, np.linspace(0.0, 1.0, OFFSETS))
+    shaped = np.array([_interpolated(f, step_s, offsets) for f in hz])
     if rig.control.mode != "drive":
-        return shaped
+        return np.asarray(shaped[:, 0])
     manipulator = build_rig(rig)
     J = manipulator.jacobian(manipulator.neutral)
     k = rig.coordinates.index(coordinate)
     share = np.linalg.inv(J)[k] * J[:, k]
-    turn = 2j * np.pi * np.outer(hz, setpoint_leads(rig))
-    carried = (1.0 + turn * (1.0 + 0.5 * turn)) * np.exp(-turn)
-    return np.asarray(shaped * (carried @ share))
-
-
-def _shaping(
-    rig: RigFile, coordinate: str, hz: Array, cue_s: Array, cycle_s: Array
-) -> ComplexArray:
-    """Response (F,) of the shaped motion: the planner's gentle step is linear in its own state and in
-    the state to be met, so both matrices are read off the planner itself."""
-    k = rig.coordinates.index(coordinate)
-    velocity, acceleration, jerk = (limit[k] for limit in rig.cue_limits())
-    period_s = rig.bus.cycle
-    planner = CoordinatePlanner(velocity, acceleration, jerk, rig.limits[k], period_s)
-    within_s = max(FOLLOW_S, FOLLOW_CYCLES * period_s)
-    own, met = np.empty((3, 3)), np.empty((3, 3))
-    for n, unit in enumerate(SMALL * np.eye(3)):
-        for columns, here, there in ((own, unit, np.zeros(3)), (met, np.zeros(3), unit)):
-            step = planner.follow(State(*here), State(*there), within_s, 1.0)
-            if step is None:
-                raise IdentificationError(
-                    f"{rig.name}: cue limits of {coordinate} forbid any motion"
-                )
-            columns[:, n] = np.array(step) / SMALL
-    step_s = sample_step(cue_s)
-    ahead = np.mod(cycle_s + within_s - cue_s[0], step_s)
-    offsets = np.quantile(ahead, np.linspace(0.0, 1.0, OFFSETS))
-    out = np.empty(len(hz), dtype=complex)
-    for n, f in enumerate(hz):
-        turn = np.exp(2j * np.pi * f * period_s)
-        cue = _interpolated(f, step_s, offsets) * np.exp(2j * np.pi * f * within_s)
-        out[n] = np.linalg.solve(turn * np.eye(3) - own, met @ cue)[0]
-    return out
+    lead = setpoint_leads(rig)
+    if rig.control.platform_filter is not None:
+        # What comes out of a filter has the very derivatives of its pose, whatever went in.
+        omega = 2.0 * np.pi * hz
+        shaped = shaped[:, :1] * np.stack([np.ones_like(hz), 1j * omega, -(omega**2)], axis=1)
+    carried = shaped @ np.array([np.ones_like(lead), lead, 0.5 * lead**2])
+    return np.asarray((carried * np.exp(-2j * np.pi * np.outer(hz, lead))) @ share)
 
 
 def _interpolated(f: float, step_s: float, offsets_s: Array) -> ComplexArray:
