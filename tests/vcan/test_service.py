@@ -20,6 +20,7 @@ from hil.runs import load_run
 from hil.runs.folder import read_meta
 from tests.daemon.test_processes import in_state, sway, wait_for
 from tests.vcan.init_systemd import Systemd, in_guest, need, service_python
+from tests.vcan.model import hand_over
 from tests.vcan.wire import CYCLE_S, URL
 
 # Only in the guest: a second systemd is nothing to try on a machine that somebody uses.
@@ -33,8 +34,6 @@ UNIT = "hild.service"
 RUNS = Path("/var/lib/hil/runs")
 RIG = Path("/etc/hil/rig.toml")
 MODEL = Path("/var/cache/hil")
-KEPT_MODEL = Path(".cache/guest")
-"""In the checkout, so that the next guest need not compile the model again."""
 PATIENCE_S = 90.0
 ENDPOINT = "tcp/127.0.0.1:7447"
 
@@ -55,9 +54,8 @@ class Installed:
         self.hil = service_python(Path("/opt/hil"))
         self.said = systemd.run(str(self.hil), "service", "install", "--rig", str(rig))
         self._patient()
-        if KEPT_MODEL.exists():
-            self.systemd.run("cp", "-r", f"{KEPT_MODEL.resolve()}/.", str(MODEL))
-            self.systemd.run("chown", "-R", "hil:hil", str(MODEL))
+        hand_over(MODEL)
+        self.systemd.run("chown", "-R", "hil:hil", str(MODEL))
         self.rig_process = subprocess.Popen(
             [sys.executable, "-m", "hil", "simulate", str(rig)],
             stdout=subprocess.DEVNULL,
@@ -110,8 +108,6 @@ class Installed:
         self.systemctl("stop", check=False)
         self.rig_process.kill()
         self.rig_process.wait()
-        KEPT_MODEL.mkdir(parents=True, exist_ok=True)
-        subprocess.run(["cp", "-r", f"{MODEL}/.", str(KEPT_MODEL)], check=True)
 
 
 @pytest.fixture(scope="module")
