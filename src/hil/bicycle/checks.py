@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.bicycle.recorded import Ride
-from hil.rigs.bicycle import Smooth, low_pass, smooth
+from hil.rigs.bicycle import Smooth, low_pass, pack, smooth
+from hil.rigs.bicycle import ride as simulate
 from hil.runs.importing.findings import Finding
 
 Array = NDArray[np.float64]
@@ -23,6 +24,8 @@ CUTOFF_HZ: Final = 2.0
 SHORTEST_LAG_S: Final = 0.02
 """Offsets below two samples cannot be told from the sensors' own delays."""
 LONGEST_LAG_S: Final = 1.0
+TURNED: Final = 0.2
+"""rad/s of yaw rate that clocks are compared by."""
 SURE: Final = 0.5
 """Correlation from which a sign or a name is believed."""
 
@@ -46,7 +49,10 @@ def check_ride(ride: Ride) -> list[Finding]:
     told = smooth(ride.angles, ride.dt_s, CUTOFF_HZ)
     signs = _signs(ride, told)
     out: list[Finding] = []
-    if signs.swapped > 0.8 and signs.swapped > 0.1 + max(signs.yaw_with_gyro, signs.roll_with_gyro):
+    # steer and lean go against each other, so that swapped ones still fit somewhat: the better fit counts
+    named = min(abs(signs.yaw_with_gyro), abs(signs.roll_with_gyro))
+    agree = min(signs.yaw_with_gyro, signs.roll_with_gyro) > SURE
+    if signs.swapped > max(0.8, named) and not agree:
         text = "steer turns and lean steers in this ride: the two channels are swapped"
         return [Finding("swapped", "lean, steer", "fault", text)]
     steer_is_wrong = signs.yaw_with_gyro < -SURE
@@ -66,8 +72,8 @@ def check_ride(ride: Ride) -> list[Finding]:
     outward = signs.lean_with_turn < -SURE and np.isnan(signs.yaw_with_gyro)
     if outward and signs.roll_with_gyro > SURE:
         text = (
-            "the bicycle leans out of its turns while the gyroscope agrees with its lean: steer to the LEFT is "
-            "positive"
+            "the bicycle leans out of its turns while the gyroscope agrees with its lean: steer to the "
+            "LEFT is positive"
         )
         out.append(Finding("sign", "steer", "fault", text))
     elif outward and np.isnan(signs.roll_with_gyro):
@@ -119,12 +125,9 @@ def _clocks(ride: Ride, told: Smooth) -> list[Finding]:
     spin = _gyro(ride, "imu.gyro_z")
     if spin is None:
         return []
-    g = ride.rig.geometry
-    yaw = g.R * told.rate[:, 1] * told.angle[:, 2] * np.cos(g.tilt) / g.wheelbase
-    if not _correlation(yaw, spin, 0.2) > SURE and not _lag(yaw, spin, ride.dt_s)[1] > SURE:
-        return []
+    yaw = simulate(pack(ride.rig), told).imu[:, 2]
     whole, fit = _lag(yaw, spin, ride.dt_s)
-    if fit < 0.9:
+    if np.ptp(yaw) < TURNED or fit < 0.9:
         return []
     half = len(yaw) // 2
     lags = [_lag(yaw[part], spin[part], ride.dt_s) for part in (slice(0, half), slice(half, None))]
@@ -150,16 +153,21 @@ def _lag(a: Array, b: Array, dt_s: float) -> tuple[float, float]:
     a, b = a - a.mean(), b - b.mean()
     size = 2 * len(a)
     cross = np.fft.irfft(np.fft.rfft(b, size) * np.conj(np.fft.rfft(a, size)))
-    most = min(int(LONGEST_LAG_S / dt_s), len(a) // 2)
+    most = min(int(LONGEST_LAG_S / dt_s), len(a) // 4)
     lags = np.arange(-most, most + 1)
     c = cross[lags]
     k = int(np.argmax(c))
     scale = float(np.sqrt((a @ a) * (b @ b)))
     if scale == 0.0:
         return 0.0, 0.0
-    if 0 < k < len(c) - 1:
-        bend = c[k - 1] - 2.0 * c[k] + c[k + 1]
-        shift = 0.5 * (c[k - 1] - c[k + 1]) / bend if bend != 0.0 else 0.0
-    else:
-        shift = 0.0
-    return float((lags[k] + shift) * dt_s), float(c[k] / scale)
+    # the sum's length shrinks with the lag, which draws its peak to zero: refine by least squares
+    lag, t = float(lags[k]), np.arange(len(a), dtype=float)
+    inside = slice(most, len(a) - most)
+    for _ in range(4):
+        back = np.interp(t + lag, t, b)
+        slope = np.gradient(back)[inside]
+        size = float(slope @ slope)
+        if size == 0.0:
+            break
+        lag += float(slope @ (a - back)[inside]) / size
+    return lag * dt_s, float(c[k] / scale)

@@ -161,7 +161,7 @@ def _saturation(series: Series, rig: BicycleFile) -> list[Finding]:
     if at_end.sum() < 3:
         return []
     text = (
-        f"{at_end.sum()} samples stand at the inclinometer's range of ±{np.rad2deg(limit):.1f} degrees, first "
-        f"at {t[np.argmax(at_end)]:.2f} s: the bicycle leant further than it could read"
+        f"{at_end.sum()} samples stand at the inclinometer's range of ±{np.rad2deg(limit):.1f} degrees, "
+        f"first at {t[np.argmax(at_end)]:.2f} s: the bicycle leant further than it could read"
     )
     return [Finding("saturation", "lean", "warning", text)]

@@ -26,7 +26,9 @@ COMMANDS: dict[str, str] = {
     "rig": "workspace:app",
     "experiment": "experiment:app",
     "identify": "identify:app",
+    "reproduce": "reproduce:app",
     "gap": "gap:app",
+    "bicycle": "bicycle:app",
 }
 """Name of each command: module in hil.cli, and the function or typer app in it. In the order of `--help`."""
 

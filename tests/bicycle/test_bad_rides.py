@@ -1,0 +1,132 @@
+"""What is wrong with a recorded ride is found and named: channels, signs, units, ranges, clocks."""
+
+import numpy as np
+import pytest
+
+from hil.bicycle.analysis import analyse
+from hil.bicycle.checks import check_ride
+from hil.errors import RunError
+from tests.bicycle.rides import ride_of
+
+
+def faults(ride, spoil):
+    with pytest.raises(RunError) as caught:
+        analyse(ride_of(ride, spoil))
+    return str(caught.value)
+
+
+def changed(**factors):
+    def spoil(table):
+        for name, factor in factors.items():
+            table[name] = table[name] * factor
+        return table
+
+    return spoil
+
+
+def test_a_good_ride_has_no_findings(round_trip, weaving):
+    for ride in (round_trip, weaving):
+        prepared = ride_of(ride)
+        assert prepared.findings == ()
+        assert check_ride(prepared) == []
+
+
+@pytest.mark.parametrize("missing", ["lean", "rear_wheel", "steer"])
+def test_a_missing_channel_is_named(round_trip, missing):
+    text = faults(round_trip, lambda t: t.drop(columns=missing))
+    assert f"no {missing}" in text
+
+
+def test_swapped_channels(weaving, round_trip):
+    for ride in (round_trip, weaving):
+        text = faults(ride, lambda t: t.rename(columns={"lean": "steer", "steer": "lean"}))
+        assert "the two channels are swapped" in text
+
+
+@pytest.mark.parametrize(("signal", "side"), [("lean", "RIGHT"), ("steer", "LEFT")])
+def test_a_wrong_sign_is_named_with_the_right_one(round_trip, signal, side):
+    text = faults(round_trip, changed(**{signal: -1.0}))
+    assert text.startswith(f"ride: {signal}: ")
+    assert f"to the {side}" in text
+
+
+def test_without_a_gyroscope_the_two_signs_contradict_each_other(round_trip):
+    def spoil(table):
+        table["steer"] = -table["steer"]
+        return table.drop(columns=[c for c in table.columns if c.startswith("imu.")])
+
+    assert "leans out of its turns" in faults(round_trip, spoil)
+
+
+def test_an_imu_mounted_backward_is_told_from_two_wrong_signs(round_trip):
+    text = faults(round_trip, changed(**{"imu.gyro_x": -1.0, "imu.gyro_z": -1.0}))
+    assert "set imu.orientation" in text
+
+
+@pytest.mark.parametrize("signal", ["lean", "steer"])
+def test_degrees_are_not_radians(round_trip, signal):
+    assert "are these degrees?" in faults(round_trip, changed(**{signal: 180.0 / np.pi}))
+
+
+def test_a_wheel_that_counts_backward(round_trip):
+    assert "counts forward as negative" in faults(round_trip, changed(rear_wheel=-1.0))
+
+
+def test_a_counter_that_runs_over_is_put_together_again(round_trip):
+    whole = ride_of(round_trip)
+
+    def spoil(table):
+        table["rear_wheel"] = np.mod(table["rear_wheel"] + 1.0, 27.0 * 2.0 * np.pi)
+        return table
+
+    mended = ride_of(round_trip, spoil)
+    assert [f.check for f in mended.findings] == ["rollover"]
+    assert "ran over 2 times" in mended.findings[0].text
+    assert np.abs(mended.angles[:, 1] - whole.angles[:, 1]).max() < 0.2
+
+
+def test_saturation_is_told_with_its_time(round_trip):
+    def spoil(table):
+        table["lean"] = np.clip(table["lean"] * 1.8, -0.3490658503988659, 0.3490658503988659)
+        return table
+
+    found = ride_of(round_trip, spoil).findings
+    assert [f.check for f in found] == ["saturation"]
+    assert "20.0 degrees" in found[0].text
+
+
+def test_a_gap_is_told_with_its_length(round_trip):
+    def spoil(table):
+        hole = (table["t"] > 12.0) & (table["t"] < 12.4)
+        table.loc[hole, "steer"] = np.nan
+        return table
+
+    found = ride_of(round_trip, spoil).findings
+    assert [f.check for f in found] == ["gaps"]
+    assert found[0].subject == "steer"
+    assert "longest 4" in found[0].text
+
+
+def test_an_imu_on_another_clock(round_trip):
+    def shifted(ms=0.0, rate=0.0):
+        def spoil(table):
+            imu = [c for c in table.columns if c.startswith("imu.")]
+            t = table["t"].to_numpy()
+            for c in imu:
+                there = table[c].notna().to_numpy()
+                late = np.interp(t, t[there] * (1.0 + rate) + 1e-3 * ms, table[c][there])
+                table[c] = np.where(there, late, np.nan)
+            return table
+
+        return spoil
+
+    late = check_ride(ride_of(round_trip, shifted(ms=80.0)))
+    assert [f.check for f in late] == ["clocks"]
+    assert "+80 ms" in late[0].text or "+79 ms" in late[0].text
+    drifting = check_ride(ride_of(round_trip, shifted(rate=5e-3)))
+    assert [f.check for f in drifting] == ["clocks"]
+    assert "ms a second" in drifting[0].text
+
+
+def test_a_ride_too_short_says_so(round_trip):
+    assert "overlap for" in faults(round_trip, lambda t: t[t["t"] < 1.5].reset_index(drop=True))
