@@ -33,7 +33,9 @@ def poses(n: int) -> st.SearchStrategy[tuple[float, ...]]:
     return st.tuples(*[reals] * n)
 
 
-frames = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
+frames = st.builds(
+    Frame, st.integers(0, 0x7FF), st.binary(max_size=8), bus=st.integers(0, 3)
+)
 states = axes.flatmap(
     lambda n: st.builds(
         r.StateRecord,
@@ -176,7 +178,7 @@ def test_long_texts_are_cut_between_characters():
         r.StateRecord(0.0, "parked", (), (), (r.ActuatorState(),) * 7),
         r.SampleRecord(0, "smell", 0.0, 0.0, 0.0),
         r.SampleRecord(300, "force", 0.0, 0.0, 0.0),
-        r.SetpointRecord(0.0, 0, "velocity", 0.0),
+        r.SetpointRecord(0.0, 0, "jerk", 0.0),
         r.CueRecord("a", -1, 0.0, 0.0, 0, 1, ()),
         r.CueRecord("a", 1, 0.0, 0.0, 0, 1, ((0.0, ()),) * 17),
         r.CueRecord("a", 1, 0.0, 0.0, 0, 1, ((0.0, (1.0,)), (0.1, (1.0, 2.0)))),

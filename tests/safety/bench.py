@@ -16,10 +16,21 @@ from hil.drives.meaning import Ask, Meaning
 from hil.frames import Frame
 from hil.safety.rules import DriveLimits, GateLimits
 
-ON, FORCE, OFF, REQUEST, SYSTEM = 0x100, 0x180, 0x200, 0x300, 0x080
+ON, FORCE, OFF, SPEED, REQUEST, SYSTEM = 0x100, 0x180, 0x200, 0x280, 0x300, 0x080
 START, STOP = b"\x01", b"\x00"
 EPS = 2.0**-20
 CYCLE_S = 0.5
+
+
+_ASKS = (
+    Ask.POWER_OFF,
+    Ask.FAULT_RESET,
+    Ask.POWER_ON,
+    Ask.NETWORK,
+    Ask.SYNC,
+    Ask.ALIVE,
+)
+"""By the first byte of the frame OFF."""
 
 
 class BenchMeaning:
@@ -30,7 +41,7 @@ class BenchMeaning:
         **{
             base + i: size
             for i in range(2)
-            for base, size in ((ON, 8), (FORCE, 8), (OFF, 1), (REQUEST, 2))
+            for base, size in ((ON, 8), (FORCE, 8), (SPEED, 8), (OFF, 1), (REQUEST, 2))
         },
     }
     writable = frozenset({7, 8})
@@ -41,12 +52,11 @@ class BenchMeaning:
                 data, Meaning(Ask.UNKNOWN, text="neither start nor stop")
             )
         base, i = can_id & ~0x7F if can_id < FORCE or can_id >= OFF else FORCE, can_id & 0x7F
-        if base in (ON, FORCE):
-            kind = "position" if base == ON else "force"
+        if base in (ON, FORCE, SPEED):
+            kind = {ON: "position", FORCE: "force", SPEED: "velocity"}[base]
             return Meaning(Ask.POWER_ON, i, kind=kind, setpoint=struct.unpack("<d", data)[0])  # type: ignore[arg-type]
         if base == OFF:
-            asks = {b"\x00": Ask.POWER_OFF, b"\x01": Ask.FAULT_RESET, b"\x02": Ask.POWER_ON}
-            return Meaning(asks[data], i)
+            return Meaning(_ASKS[data[0]], i)
         return Meaning(Ask.WRITE if data[0] else Ask.READ, i, parameter=data[1])
 
 
@@ -76,6 +86,23 @@ def on(value: float, i: int = 0) -> Frame:
 
 def force(value: float, i: int = 0) -> Frame:
     return Frame(FORCE + i, struct.pack("<d", value))
+
+
+def speed(value: float, i: int = 0) -> Frame:
+    return Frame(SPEED + i, struct.pack("<d", value))
+
+
+def network(i: int = 0) -> Frame:
+    """A node started, stopped or reset."""
+    return Frame(OFF + i, b"\x03")
+
+
+def sync() -> Frame:
+    return Frame(OFF, b"\x04")
+
+
+def alive() -> Frame:
+    return Frame(OFF, b"\x05")
 
 
 def off(i: int = 0) -> Frame:

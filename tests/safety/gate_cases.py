@@ -18,12 +18,16 @@ from tests.safety.bench import (
     EPS,
     START,
     STOP,
+    alive,
     bare_on,
     force,
+    network,
     off,
     on,
     read,
     reset,
+    speed,
+    sync,
     system,
     write,
 )
@@ -64,11 +68,22 @@ def motion(*points: tuple[float, float, str | None]) -> list[Step]:
     return steps
 
 
+def speeds(*points: tuple[float, float, str | None], at: float = 0.0, age: float = 0.0) -> list[Step]:
+    """(t, speed, rule): an armed rig that stands at `at`, measured `age` cycles before each."""
+    steps: list[Step] = [("arm",)]
+    for t, value, rule in points:
+        steps += [("at", 0, at, t - age), ("send", t, speed(value), rule)]
+    return steps
+
+
 A = 21.0 + 2.0**-9
 """Largest change of travel from one cycle to the next: 1.05 · 20 and two increments' rounding."""
 
 SLUGGISH = {"acceleration_max": 10.0 / CYCLE_S**2}
 """Half the acceleration."""
+
+V = 21.0 + 2.0**-8
+"""Largest change of a sluggish drive's speed from one cycle to the next, /s."""
 
 CASES = [
     # -- forms -------------------------------------------------------------------------------------------
@@ -108,6 +123,12 @@ CASES = [
     ]),
     Case("System Start while armed", [("arm",), ok(0.0, system(START))]),
     Case("no error reset while armed", [("arm",), no(0.0, reset(), "reset_armed"), ok(0.0, off())]),
+    Case("a node is started or stopped while disarmed", [ok(0.0, network()), ok(1.0, network(1))]),
+    Case("no node is started or stopped while armed", [("arm",), no(0.0, network(), "network_armed")]),
+    Case("SYNC and our heartbeat pass always, but not in bursts", [
+        ok(0.0, sync()), ok(0.0, alive()), ("arm",), ok(1.0, sync()), ok(1.0, alive()),
+        no(1.125, alive(), "duplicate"),
+    ]),
     Case("off passes always: too often, unmeasured, armed or not", [
         ok(0.0, off()), ok(0.0, off()), ("arm",), *[ok(0.0, off())] * 40,
     ]),
@@ -241,6 +262,51 @@ CASES = [
         *first(20.0, None), ("at", 1, -50.0, 10.0), ok(10.0, on(-50.0, 1)), ("at", 0, 20.0, 11.0),
         ok(11.0, on(40.0)), ok(11.0, on(-51.0, 1)),
     ]),
+    # -- speed setpoints -----------------------------------------------------------------------------------
+    Case("the largest speed", speeds((0.0, 42.0, None)), kind="velocity"),
+    Case("more speed", speeds((0.0, 42.0 + EPS, "speed")), kind="velocity"),
+    Case("more speed downwards", speeds((0.0, -42.0 - EPS, "speed")), kind="velocity"),
+    Case("NaN speed", speeds((0.0, NAN, "speed")), kind="velocity"),
+    Case("speed from rest as suddenly as may be", speeds((0.0, V, None)), kind="velocity", limits=SLUGGISH),
+    Case("speed from rest a little more suddenly", speeds((0.0, V + EPS, "acceleration")),
+         kind="velocity", limits=SLUGGISH),
+    Case("speed from rest downwards a little more suddenly", speeds((0.0, -V - EPS, "acceleration")),
+         kind="velocity", limits=SLUGGISH),
+    Case("speed reversed as suddenly as may be", speeds((0.0, 20.0, None), (1.0, 20.0 - V, None)),
+         kind="velocity", limits=SLUGGISH),
+    Case("speed reversed a little more suddenly", speeds(
+        (0.0, 20.0, None), (1.0, 20.0 - V - EPS, "acceleration")), kind="velocity", limits=SLUGGISH),
+    Case("speed over two cycles twice as suddenly", speeds((0.0, 21.0, None), (2.0, -21.0 - 2.0**-8, None)),
+         kind="velocity", limits=SLUGGISH),
+    Case("speed over two cycles no more suddenly", speeds(
+        (0.0, 21.0, None), (2.0, -21.0 - 2.0**-8 - EPS, "acceleration")), kind="velocity", limits=SLUGGISH),
+    Case("a late speed keeps the schedule", speeds(
+        (0.0, 0.0, None), (1.75, 0.0, None), (3.5 - EPS, V + EPS, "acceleration"), (3.6, 42.0, None)),
+        kind="velocity", limits=SLUGGISH),
+    Case("an early speed is not far ahead of the schedule", speeds(
+        (0.0, 0.0, None), (0.25, 5.0, None), (2.3, 42.0, None)), kind="velocity", limits=SLUGGISH),
+    Case("the first speed is the schedule's begin", speeds((0.0, 0.0, None), (1.6, 42.0, None)),
+         kind="velocity", limits=SLUGGISH),
+    Case("a speed from which it still stops", speeds((0.0, 40.0, None), at=70.0), kind="velocity"),
+    Case("a speed from which it stops beyond the end", speeds((0.0, 40.0, "stroke"), at=70.0 + EPS),
+         kind="velocity"),
+    Case("a speed from which it still stops below", speeds((0.0, -40.0, None), at=-70.0), kind="velocity"),
+    Case("a speed from which it stops beyond the lower end", speeds((0.0, -40.0, "stroke"), at=-70.0 - EPS),
+         kind="velocity"),
+    Case("what was measured a cycle ago has moved on", speeds((1.0, 40.0, None), at=50.0, age=1.0),
+         kind="velocity"),
+    Case("what was measured a cycle ago has moved on too far", speeds(
+        (1.0, 40.0, "stroke"), at=50.0 + EPS, age=1.0), kind="velocity"),
+    Case("beyond the end it may come back, and stand", speeds((0.0, -10.0, None), (1.0, 0.0, None), at=120.0),
+         kind="velocity"),
+    Case("beyond the lower end it may come back, and stand", speeds(
+        (0.0, 10.0, None), (1.0, 0.0, None), at=-120.0), kind="velocity"),
+    Case("beyond the end it may not creep on", speeds(
+        (0.0, -EPS, None), (1.0, EPS, "stroke"), at=120.0), kind="velocity"),
+    Case("beyond the lower end it may not creep on", speeds(
+        (0.0, EPS, None), (1.0, -EPS, "stroke"), at=-120.0), kind="velocity"),
+    Case("a speed where NaN was measured", speeds((0.0, 10.0, "stroke"), at=NAN), kind="velocity"),
+    Case("a speed where positions are sent", speeds((0.0, 0.0, "setpoint_kind"))),
     # -- force -------------------------------------------------------------------------------------------
     Case("the largest force", [("arm",), ("at", 0, 0.0, 0.0), ok(0.0, force(64.0)), ok(1.0, force(-64.0))],
          kind="force"),

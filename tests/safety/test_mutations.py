@@ -15,7 +15,7 @@ from tests.safety.bench import BenchMeaning, limits
 from tests.safety.gate_cases import CASES, run
 from tests.safety.mutants import Mutant, load, mutants
 
-RULES = frozenset({"judge_measured", "judge_force", "judge_position"})
+RULES = frozenset({"judge_measured", "judge_force", "judge_position", "judge_velocity"})
 RULE_CONSTANTS = frozenset({"SLACK", "RESYNC_CYCLES"})
 GATE = frozenset(
     {
@@ -35,7 +35,10 @@ GATE = frozenset(
 )
 GATE_CONSTANTS = frozenset({"RATE_CYCLES", "RATE_FRAMES", "DUPLICATE_CYCLES"})
 
-RULE_NAMES = ("Broken", "Passed", "judge_measured", "judge_force", "judge_position")
+RULE_NAMES = (
+    *("Broken", "Passed", "judge_measured", "judge_force", "judge_position"),
+    "judge_velocity",
+)
 """What the gate takes from the rules' module and mutants of it make anew."""
 
 

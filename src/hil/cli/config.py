@@ -13,6 +13,7 @@ from hil.cli.console import JsonFlag, RigArgument, complain, out, write_json
 from hil.config import RigFile
 from hil.config.base import Settings
 from hil.configfile import find_rig_file, load_rig
+from hil.drivefiles import load_profiles
 from hil.errors import ConfigError
 
 app = typer.Typer(help="Rig files: everything about a rig in one TOML file.", no_args_is_help=True)
@@ -23,7 +24,7 @@ def check(rig: RigArgument, json: JsonFlag = False) -> None:
     """Read a rig file and say what is wrong with it, or that nothing is. Exit code 1 if it is wrong."""
     try:
         loaded = load_rig(rig)
-        require_schedule_fits(loaded)
+        require_schedule_fits(loaded, load_profiles(loaded))
     except ConfigError as error:
         if json:
             write_json({"ok": False, "faults": str(error).splitlines()})

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from hil.config import RigFile
-from hil.configfile import find_rig_file, load_drive, load_rig, parse_settings, rig_toml
-from hil.drives.profile import LustProfile
+from hil.configfile import find_rig_file, load_rig, parse_settings, rig_toml
+from hil.drivefiles import load_profiles
+from hil.drives.profiles import DriveProfile
 
 
 class ModeName(StrEnum):
@@ -25,7 +26,8 @@ CanOption = Annotated[
     str | None,
     typer.Option(
         "--can",
-        help="Bus instead of the rig file's: socketcan:can0, hub:SOCKET_PATH, python-can:INTERFACE:CHANNEL.",
+        help="Bus instead of the rig file's: socketcan:can0, hub:SOCKET_PATH, python-can:INTERFACE:CHANNEL; "
+        "for a rig with several buses one each, with commas between.",
     ),
 ]
 ModeOption = Annotated[
@@ -52,7 +54,7 @@ def rig_with(
     rig = load_rig(name)
     tables: dict[str, Any] = rig.model_dump()
     if can is not None:
-        tables["can"]["url"] = can
+        put_buses(tables["can"], can)
     if mode is not None:
         tables["control"]["mode"] = mode.value
     if listen is not None:
@@ -63,7 +65,21 @@ def rig_with(
     return resolved, rig_toml(resolved, f"{find_rig_file(name)} with every default filled in")
 
 
-def profiles_of(rig: RigFile) -> dict[str, LustProfile]:
+def put_buses(table: dict[str, Any], urls: str) -> None:
+    """Put the buses of `urls`, separated by commas, into a rig file's table `can`."""
+    further = [dict(bus) for bus in table.get("further", ())]
+    given = urls.split(",")
+    if len(given) != 1 + len(further):
+        raise typer.BadParameter(
+            f"this rig has {1 + len(further)} buses, so --can takes as many, with commas between, not "
+            f"{len(given)}"
+        )
+    table["url"] = given[0]
+    for bus, url in zip(further, given[1:], strict=True):
+        bus["url"] = url
+    table["further"] = tuple(further)
+
+
+def profiles_of(rig: RigFile) -> dict[str, DriveProfile]:
     """The drive files that a rig names."""
-    names = {actuator.drive.profile for actuator in rig.actuators}
-    return {name: load_drive(name, LustProfile) for name in sorted(names)}
+    return load_profiles(rig)

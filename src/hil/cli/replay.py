@@ -12,7 +12,7 @@ from hil.cli.options import profiles_of
 from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.daemon.replay import Comparison, Difference, replay_run
-from hil.drives.describe import Describer
+from hil.drives.describe_rig import RigDescriber
 from hil.errors import RunError
 from hil.runs.folder import RunMeta, read_meta, read_rig
 
@@ -38,7 +38,7 @@ def replay(
     profiles = profiles_of(settings)
     with err.status(f"replaying {run.name}"):
         found = replay_run(run, settings, profiles)
-    describer = Describer(settings, profiles[settings.actuators[0].drive.profile])
+    describer = RigDescriber(settings, profiles)
     start_s = meta.recording.start_s if meta.recording else 0.0
     shown = found.differences[:most]
     if json:
@@ -54,7 +54,7 @@ def _lines(
     found: Comparison,
     shown: list[Difference],
     rig: RigFile,
-    describer: Describer,
+    describer: RigDescriber,
     start_s: float,
     meta: RunMeta,
 ) -> list[str]:
@@ -93,7 +93,7 @@ def _as_json(
     found: Comparison,
     shown: list[Difference],
     rig: RigFile,
-    describer: Describer,
+    describer: RigDescriber,
     start_s: float,
 ) -> dict[str, object]:
     def said(difference: Difference) -> dict[str, object]:

@@ -20,7 +20,8 @@ from hil.cli.console import err, out
 from hil.cli.options import profiles_of
 from hil.config import RigFile
 from hil.configfile import load_rig
-from hil.drives.describe import Described, Describer
+from hil.drives.describe import Described
+from hil.drives.describe_rig import RigDescriber
 from hil.errors import ConfigError
 from hil.frames import Frame
 
@@ -89,7 +90,7 @@ class Explainer:
     def __init__(self, rig: RigFile | None, dbc: Path | None) -> None:
         self._describer = None
         if rig is not None:
-            self._describer = Describer(rig, profiles_of(rig)[rig.actuators[0].drive.profile])
+            self._describer = RigDescriber(rig, profiles_of(rig))
         self._database = None
         if dbc is not None:
             try:

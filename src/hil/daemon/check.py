@@ -6,7 +6,6 @@ listened to unless told otherwise.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -14,7 +13,7 @@ from typing import Literal
 from hil.bus.schedule import require_schedule_fits
 from hil.config import RigFile
 from hil.drives import build_drivers
-from hil.drives.profile import LustProfile
+from hil.drives.profiles import Profiles
 from hil.errors import ConfigError
 
 Level = Literal["ok", "warn", "fault"]
@@ -44,7 +43,7 @@ class Probe:
 
 
 def check_rig(
-    rig: RigFile, profiles: Mapping[str, LustProfile], probe: Probe, root: Path = Path("/")
+    rig: RigFile, profiles: Profiles, probe: Probe, root: Path = Path("/")
 ) -> list[Finding]:
     """Everything about `rig` on this PC, whose files are below `root`. Opens the bus, and takes its time."""
     from hil.daemon.check_bus import check_bus
@@ -63,7 +62,7 @@ def check_rig(
     return found + check_drives(rig, profiles, probe)
 
 
-def check_contradictions(rig: RigFile, profiles: Mapping[str, LustProfile]) -> list[Finding]:
+def check_contradictions(rig: RigFile, profiles: Profiles) -> list[Finding]:
     """Whether rig file, drive file and bit rate fit together."""
     found = []
     try:
@@ -72,7 +71,7 @@ def check_contradictions(rig: RigFile, profiles: Mapping[str, LustProfile]) -> l
     except ConfigError as error:
         found.append(Finding("fault", "rig file", str(error), "correct the rig file"))
     try:
-        share = require_schedule_fits(rig)
+        share = require_schedule_fits(rig, profiles)
         text = f"its schedule needs {share:.0%} of {rig.can.bitrate / 1000:g} kbit/s at worst"
         found.append(Finding("ok", "bus load", text))
     except ConfigError as error:

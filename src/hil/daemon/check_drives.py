@@ -5,14 +5,17 @@ from __future__ import annotations
 import contextlib
 import select
 import time
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 from hil.bus.port import BusPort, open_port
 from hil.config import RigFile
+from hil.daemon import check_canopen
 from hil.daemon.check import Finding, Probe
 from hil.daemon.core import RigCore
 from hil.daemon.lock import RigLock
 from hil.drives import DrivePhase, build_drivers
+from hil.drives.build import parts_of
+from hil.drives.lust_cdd3000.bus import LustBus
 from hil.drives.lust_cdd3000.codec import (
     FrameIds,
     Mode,
@@ -22,6 +25,7 @@ from hil.drives.lust_cdd3000.codec import (
     frame_ids,
 )
 from hil.drives.profile import GROUP, LustProfile
+from hil.drives.profiles import Profiles
 from hil.errors import BusBusy, HilError, RigInUse
 from hil.frames import Frame
 from hil.safety import Gate, gate_limits
@@ -33,26 +37,40 @@ PREPARE_S = 15.0
 SETTLED = (DrivePhase.READY, DrivePhase.FAULT)
 
 
-def check_drives(rig: RigFile, profiles: Mapping[str, LustProfile], probe: Probe) -> list[Finding]:
+def check_drives(rig: RigFile, profiles: Profiles, probe: Probe) -> list[Finding]:
     """All about the drives, as far as `probe` goes. With another daemon on the bus it only listens."""
-    profile = profiles[rig.actuators[0].drive.profile]
-    ids = [frame_ids(profile.ids, rig.address(i)) for i in range(len(rig.actuators))]
     is_silent = not (probe.asks or probe.prepares)
     try:
         with contextlib.ExitStack() as stack:
             if not is_silent:
-                stack.enter_context(RigLock(rig.name, rig.can.url))
-            port = open_port(rig.can.url, bitrate_bps=rig.can.bitrate, read_only=is_silent)
-            stack.callback(port.close)
-            if is_silent:
-                return _listen(rig, profile, ids, port, probe.listen_s)
-            return (
-                _prepare(rig, profiles, port) if probe.prepares else _ask(rig, profiles, ids, port)
-            )
+                stack.enter_context(RigLock(rig.name, *rig.can.urls))
+            ports = []
+            for url, bitrate in zip(rig.can.urls, rig.can.bitrates, strict=True):
+                ports.append(open_port(url, bitrate_bps=bitrate, read_only=is_silent))
+                stack.callback(ports[-1].close)
+            if probe.prepares:
+                return _prepare(rig, profiles, ports)
+            found = []
+            for bus, _, part in parts_of(rig, profiles):
+                found += _look(part, profiles, ports[bus], None if probe.asks else probe.listen_s)
+            return found
     except RigInUse as error:
         return [Finding("fault", "drives", f"not asked: {error}", "stop the daemon first")]
     except HilError as error:
         return [Finding("fault", "drives", str(error), "see the findings about the bus")]
+
+
+def _look(rig: RigFile, profiles: Profiles, port: BusPort, listen_s: float | None) -> list[Finding]:
+    """Listen to the drives of one family on one bus for so long, or ask them (None)."""
+    profile = profiles[rig.actuators[0].drive.profile]
+    if isinstance(profile, LustProfile):
+        ids = [frame_ids(profile.ids, rig.address(i)) for i in range(len(rig.actuators))]
+        if listen_s is None:
+            return _ask(rig, profile, ids, port)
+        return _listen(rig, profile, ids, port, listen_s)
+    if listen_s is None:
+        return check_canopen.ask(rig, profiles, port, _heard, ANSWER_S)
+    return check_canopen.heard_of(rig, {frame.can_id for frame in _heard(port, listen_s)})
 
 
 def _listen(
@@ -109,13 +127,10 @@ def _imu(rig: RigFile, seen: set[int]) -> Finding:
     return Finding("warn", "imu", "the IMU says nothing, or only half of it", remedy)
 
 
-def _ask(
-    rig: RigFile, profiles: Mapping[str, LustProfile], ids: list[FrameIds], port: BusPort
-) -> list[Finding]:
+def _ask(rig: RigFile, profile: LustProfile, ids: list[FrameIds], port: BusPort) -> list[Finding]:
     """Read each drive's position once, through the gate as everything that leaves."""
-    drives = build_drivers(rig, profiles)
+    drives = LustBus(rig, profile)
     gate = Gate(gate_limits(rig, drives[0].setpoint_kind), drives.meaning)
-    profile = profiles[rig.actuators[0].drive.profile]
     number = profile.parameters.measurements.position.number
     found = []
     for name, drive in zip(rig.actuator_names, ids, strict=True):
@@ -134,25 +149,27 @@ def _ask(
     return found
 
 
-def _prepare(rig: RigFile, profiles: Mapping[str, LustProfile], port: BusPort) -> list[Finding]:
+def _prepare(rig: RigFile, profiles: Profiles, ports: Sequence[BusPort]) -> list[Finding]:
     """From log-on to ready, as the daemon does it: watchdogs written and read back, power off throughout."""
     drives = build_drivers(rig, profiles)
     core = RigCore(rig, drives, time.monotonic() + rig.bus.cycle)
     end_s = time.monotonic() + PREPARE_S
     while time.monotonic() < end_s and not all(d.status.phase in SETTLED for d in drives):
-        select.select([port], [], [], max(0.0, core.next_due_s - time.monotonic()))
-        for t_s, frame in port.receive():
-            core.on_frame(t_s, frame)
+        select.select(ports, [], [], max(0.0, core.next_due_s - time.monotonic()))
+        for bus, port in enumerate(ports):
+            for t_s, frame in port.receive():
+                core.on_frame(t_s, frame._replace(bus=bus))
         now_s = time.monotonic()
         if now_s >= core.next_due_s:
             for frame in core.on_due(now_s):
                 try:
-                    port.send(frame)
+                    ports[frame.bus].send(frame)
                 except BusBusy as error:
                     core.on_refused(now_s, frame, error)
             core.take_records()
     statuses = [(d.name, d.status) for d in drives]
-    _release(rig, profiles, port)
+    for bus, _, part in parts_of(rig, profiles):
+        _release(part, profiles, ports[bus])
     found = []
     for name, status in statuses:
         if status.phase is DrivePhase.READY:
@@ -165,10 +182,14 @@ def _prepare(rig: RigFile, profiles: Mapping[str, LustProfile], port: BusPort) -
     return found
 
 
-def _release(rig: RigFile, profiles: Mapping[str, LustProfile], port: BusPort) -> None:
+def _release(rig: RigFile, profiles: Profiles, port: BusPort) -> None:
     """System Stop: without it the drives would miss their master and report that their watchdog ran out."""
-    drives = build_drivers(rig, profiles)
     profile = profiles[rig.actuators[0].drive.profile]
+    if not isinstance(profile, LustProfile):
+        for frame in check_canopen.release(rig, profiles):
+            port.send(frame)
+        return
+    drives = LustBus(rig, profile)
     stop = encode_system(profile.ids, profile.system.stop)
     gate = Gate(gate_limits(rig, drives[0].setpoint_kind), drives.meaning)
     if gate.pass_frame(time.monotonic(), stop).ok:

@@ -8,7 +8,6 @@ import os
 import shutil
 import socket
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -17,7 +16,7 @@ from hil.daemon.check import Finding
 from hil.daemon.core import RigCore
 from hil.daemon.lock import RigLock
 from hil.drives import build_drivers
-from hil.drives.profile import LustProfile
+from hil.drives.profiles import Profiles
 from hil.errors import RigInUse
 from hil.rigs import kernel
 from hil.runs.recorder import RESERVE_BYTES
@@ -31,7 +30,7 @@ SHORTEST_H: Final = 2.0
 def check_daemon(rig: RigFile) -> list[Finding]:
     """Whether another daemon has the rig or the bus."""
     try:
-        with RigLock(rig.name, rig.can.url):
+        with RigLock(rig.name, *rig.can.urls):
             return [Finding("ok", "daemon", "no other daemon has this rig or bus")]
     except RigInUse as error:
         return [Finding("warn", "daemon", str(error), "stop it to check the drives, or leave it")]
@@ -61,7 +60,7 @@ def check_disk(rig: RigFile) -> list[Finding]:
     return [Finding("ok", "disk", text)]
 
 
-def check_model(rig: RigFile, profiles: Mapping[str, LustProfile]) -> list[Finding]:
+def check_model(rig: RigFile, profiles: Profiles) -> list[Finding]:
     """Whether the compiled model is at hand; it is compiled where it is not, which takes a minute."""
     begun_s = time.monotonic()
     RigCore(rig, build_drivers(rig, profiles), 0.0)

@@ -12,6 +12,7 @@ import socket
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from hil.bus.load import frame_bits
@@ -65,26 +66,31 @@ class BusLoad:
 
 
 class ControlProcess:
-    """Runs one rig on `port` until told to end; then parks, switches the drives off and leaves."""
+    """Runs one rig until told to end; then parks, switches the drives off and leaves.
+
+    `ports`: one for each of its buses.
+    """
 
     def __init__(
         self,
         rig: RigFile,
         drives: DriveBus,
-        port: BusPort,
+        ports: Sequence[BusPort],
         gateway: socket.socket,
         notifier: Notifier,
     ) -> None:
         now_s = time.monotonic()
         self._rig = rig
-        self._port = port
-        self._core = RigCore(rig, drives, now_s + rig.bus.cycle, read_only=port.read_only)
+        self._ports = tuple(ports)
+        self._where = ", ".join(port.name for port in ports)
+        read_only = any(port.read_only for port in ports)
+        self._core = RigCore(rig, drives, now_s + rig.bus.cycle, read_only=read_only)
         self._channel = Channel(gateway)
         self._joiner = CueJoiner()
         self._notifier = notifier
         self._timer = Timer()
         self._garbage = CalmGarbage()
-        self._load = BusLoad(rig.can.bitrate, now_s)
+        self._loads = tuple(BusLoad(bitrate, now_s) for bitrate in rig.can.bitrates)
         self._status_s = now_s
         self._alive_s = now_s
         self._ending_s: float | None = None
@@ -112,16 +118,20 @@ class ControlProcess:
             timeout=GATEWAY_START_S,
             return_when=asyncio.FIRST_COMPLETED,
         )
-        readers = ((self._port.fileno(), self._on_frames), (self._timer.fileno(), self._on_timer))
+        readers: list[tuple[int, Callable[[], None]]] = [
+            (port.fileno(), partial(self._on_frames, k)) for k, port in enumerate(self._ports)
+        ]
+        readers.append((self._timer.fileno(), self._on_timer))
         for fd, action in readers:
             loop.add_reader(fd, self._guarded, action)
         self._garbage.settle()
-        while self._port.receive():
-            pass  # what the bus said while we were getting ready is old news
+        for port in self._ports:
+            while port.receive():
+                pass  # what the bus said while we were getting ready is old news
         self._gateway_s = time.monotonic()
         self._core.start_at(self._gateway_s + self._rig.bus.cycle)
         self._timer.arm_at(self._core.next_due_s)
-        self._notifier.ready(f"{self._rig.name} on {self._port.name}: {self._core.state}")
+        self._notifier.ready(f"{self._rig.name} on {self._where}: {self._core.state}")
         try:
             await self._done
         finally:
@@ -155,16 +165,19 @@ class ControlProcess:
             if not self._done.done():
                 self._done.set_exception(error)
 
-    def _on_frames(self) -> None:
-        for t_s, frame in self._port.receive():
-            self._load.add(frame)
-            self._core.on_frame(t_s, frame)
+    def _on_frames(self, bus: int) -> None:
+        for t_s, frame in self._ports[bus].receive():
+            self._loads[bus].add(frame)
+            self._core.on_frame(t_s, frame._replace(bus=bus) if bus else frame)
 
     def _on_timer(self) -> None:
         self._timer.expirations()
         now_s = time.monotonic()
-        self._core.bus_load = self._load.at(now_s)
+        self._core.bus_load = max(load.at(now_s) for load in self._loads)
         self._send(now_s, self._core.on_due(now_s))
+        if self._core.next_due_s <= now_s:  # SYNC went out alone: now what belongs to this cycle
+            now_s = time.monotonic()
+            self._send(now_s, self._core.on_due(now_s))
         self._timer.arm_at(self._core.next_due_s)
         self._channel.send(*self._core.take_records())
         self._calm()
@@ -195,8 +208,8 @@ class ControlProcess:
     def _send(self, now_s: float, frames: Sequence[Frame]) -> None:
         for frame in frames:
             try:
-                self._port.send(frame)
-                self._load.add(frame)
+                self._ports[frame.bus].send(frame)
+                self._loads[frame.bus].add(frame)
             except BusError as error:
                 self._core.on_refused(now_s, frame, error)
 
@@ -213,7 +226,7 @@ class ControlProcess:
             self._notifier.alive()
         if now_s - self._status_s >= STATUS_S:
             self._status_s = now_s
-            self._notifier.status(f"{self._rig.name} on {self._port.name}: {self._core.state}")
+            self._notifier.status(f"{self._rig.name} on {self._where}: {self._core.state}")
 
     def _watch_gateway(self, now_s: float) -> None:
         if self._ending_s is None and now_s - self._gateway_s > GATEWAY_HUNG_S:

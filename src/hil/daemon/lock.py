@@ -28,11 +28,15 @@ class RigLock:
     name may run.
     """
 
-    def __init__(self, rig: str, bus_url: str) -> None:
-        kind, _, path = bus_url.partition(":")
-        if kind == "hub":
-            bus_url = f"hub:{Path(path).resolve()}"
-        self._wanted = [f"bus {bus_url}"] + ([f"rig {rig}"] if kind != "hub" else [])
+    def __init__(self, rig: str, *bus_urls: str) -> None:
+        self._wanted: list[str] = []
+        for url in bus_urls:
+            kind, _, path = url.partition(":")
+            self._wanted.append(
+                f"bus hub:{Path(path).resolve()}" if kind == "hub" else f"bus {url}"
+            )
+        if not all(url.startswith("hub:") for url in bus_urls):
+            self._wanted.append(f"rig {rig}")
         self._held: list[socket.socket] = []
 
     def acquire(self) -> Self:

@@ -27,7 +27,7 @@ RIG_STATES: Final = (
     "emergency",
 )
 QUANTITIES: Final = ("position", "velocity", "force", "current", *IMU_QUANTITIES)
-KINDS: Final = ("position", "force")
+KINDS: Final = ("position", "force", "velocity")
 DRIVE_PHASES: Final = ("absent", "logged on", "configured", "ready", "enabled", "fault")
 INPUTS: Final = (
     "start",

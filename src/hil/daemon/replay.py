@@ -6,7 +6,7 @@ Where it does not, software, rig file or drive file have changed since, or somet
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -18,7 +18,7 @@ from hil.daemon.records import CommandRecord, CueRecord, FrameRecord, InputRecor
 from hil.daemon.wire import HEADER, decode
 from hil.drives import build_drivers
 from hil.drives.meaning import FrameMeaning
-from hil.drives.profile import LustProfile
+from hil.drives.profiles import Profiles
 from hil.errors import BusBusy, BusOff, ProtocolError, RunError
 from hil.frames import Frame
 from hil.runs.journal import JournalSource
@@ -64,7 +64,7 @@ class Comparison:
         return self.same == self.frames and not self.extra
 
 
-def replay_run(folder: Path, rig: RigFile, profiles: Mapping[str, LustProfile]) -> Comparison:
+def replay_run(folder: Path, rig: RigFile, profiles: Profiles) -> Comparison:
     """Replay the journal in `folder` with `rig` and its drive files.
 
     RunError where there is no journal, where it begins in the middle of the daemon's life, or where
@@ -79,7 +79,7 @@ def replay_run(folder: Path, rig: RigFile, profiles: Mapping[str, LustProfile]) 
 class Replay:
     """One replay of one journal."""
 
-    def __init__(self, rig: RigFile, profiles: Mapping[str, LustProfile]) -> None:
+    def __init__(self, rig: RigFile, profiles: Profiles) -> None:
         self._rig = rig
         self._profiles = profiles
         self._cues = CueJoiner()
@@ -154,8 +154,8 @@ class Replay:
 
     def _settle(self, meaning: FrameMeaning) -> None:
         """Compare what was sent at the last instant with what comes out now, identifier by identifier."""
-        recorded = {frame.can_id: frame for frame in self._recorded}
-        replayed = {frame.can_id: frame for frame in self._replayed}
+        recorded = {frame.key: frame for frame in self._recorded}
+        replayed = {frame.key: frame for frame in self._replayed}
         self._recorded, self._replayed = [], []
         if not recorded and not replayed:
             return
@@ -177,8 +177,8 @@ class Replay:
                 found.differences.append(Difference(self._told_s, then, now))
 
     def _measure(self, meaning: FrameMeaning, then: Frame, now: Frame) -> None:
-        old = meaning.meaning(then.can_id, then.data)
-        new = meaning.meaning(now.can_id, now.data)
+        old = meaning.meaning(then.key, then.data)
+        new = meaning.meaning(now.key, now.data)
         i, kind = old.actuator, old.kind
         if i is None or kind is None or old.setpoint is None or new.setpoint is None:
             return

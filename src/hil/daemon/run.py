@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import subprocess
-from collections.abc import Mapping
 from typing import Final
 
 from hil.bus.port import open_port
@@ -18,7 +17,7 @@ from hil.daemon.ipc import socket_pair
 from hil.daemon.lock import RigLock
 from hil.daemon.sdnotify import Notifier
 from hil.drives import build_drivers
-from hil.drives.profile import LustProfile
+from hil.drives.profiles import Profiles
 from hil.errors import HilError
 
 GATEWAY_END_S: Final = 10.0
@@ -28,7 +27,7 @@ GATEWAY_END_S: Final = 10.0
 def run_rig(
     rig: RigFile,
     rig_text: str,
-    profiles: Mapping[str, LustProfile],
+    profiles: Profiles,
     options: GatewayOptions,
     *,
     read_only: bool = False,
@@ -38,17 +37,19 @@ def run_rig(
     ConfigError where rig file, drive file and bit rate contradict each other, RigInUse where another
     daemon has the rig or the bus, BusError where there is no such bus.
     """
-    require_schedule_fits(rig)
     drives = build_drivers(rig, profiles)
+    require_schedule_fits(rig, profiles)
     with contextlib.ExitStack() as stack:
-        stack.enter_context(RigLock(rig.name, rig.can.url))
+        stack.enter_context(RigLock(rig.name, *rig.can.urls))
         notifier = stack.enter_context(Notifier())
-        port = open_port(rig.can.url, bitrate_bps=rig.can.bitrate, read_only=read_only)
-        stack.callback(port.close)
+        ports = []
+        for url, bitrate in zip(rig.can.urls, rig.can.bitrates, strict=True):
+            ports.append(open_port(url, bitrate_bps=bitrate, read_only=read_only))
+            stack.callback(ports[-1].close)
         ours, theirs = socket_pair()
         gateway = start_gateway(rig, rig_text, theirs, options)
         stack.callback(_end_gateway, gateway)
-        control = ControlProcess(rig, drives, port, ours, notifier)
+        control = ControlProcess(rig, drives, ports, ours, notifier)
         asyncio.run(control.run())
     if gateway.returncode == 2:
         raise HilError(f"{rig.name}: the gateway process could not start; its reason is above")

@@ -20,7 +20,7 @@ from hil.daemon.ipc import Sources
 from hil.daemon.recording import keep
 from hil.daemon.records import CommandRecord, Record, ReplyRecord
 from hil.drives import build_drivers
-from hil.drives.profile import LustProfile
+from hil.drives.profiles import Profiles
 from hil.errors import CommandRefused, RunError
 from hil.runs import Recorder
 from hil.signals import Cue
@@ -41,7 +41,7 @@ class SimulatedSession:
     def __init__(
         self,
         rig: RigFile,
-        profiles: Mapping[str, LustProfile],
+        profiles: Profiles,
         *,
         seed: int = 0,
         faults: Sequence[Fault] = (),
@@ -50,15 +50,19 @@ class SimulatedSession:
         others: Mapping[str, Master] | None = None,
     ) -> None:
         """`others` are further nodes that speak on the bus: sniffers, second masters, babblers."""
-        streams = np.random.default_rng(seed).spawn(2)
+        bitrates = rig.can.bitrates
+        streams = np.random.default_rng(seed).spawn(1 + len(bitrates))
         self.rig = rig
         self.simulated = SimulatedRig(rig, profiles, seed)
         self.bus = BitBus(rig.can.bitrate, streams[0], faults)
+        """The rig's first bus, to which `faults` happen."""
+        further = (BitBus(b, s) for b, s in zip(bitrates[1:], streams[2:], strict=True))
+        self.buses = (self.bus, *further)
         self.core = RigCore(rig, build_drivers(rig, profiles), rig.bus.cycle)
         jitter_s = rig.bus.jitter if wake_jitter_s is None else wake_jitter_s
         self.world = World(
             self.simulated,
-            self.bus,
+            self.buses,
             {CONTROL: self.core, **(others or {})},
             rng=streams[1],
             wake_jitter_s=jitter_s,
@@ -139,7 +143,7 @@ class SimulatedSession:
                 self.on_record(record)
 
     def _measure_load(self) -> None:
-        busy_s, at_s = self.bus.totals.busy_s, self.now_s
+        busy_s, at_s = max(bus.totals.busy_s for bus in self.buses), self.now_s
         if at_s - self._busy[1] >= 0.5:
             self.core.bus_load = (busy_s - self._busy[0]) / (at_s - self._busy[1])
             self._busy = (busy_s, at_s)
@@ -148,7 +152,7 @@ class SimulatedSession:
 def record_ride(
     rig: RigFile,
     rig_text: str,
-    profiles: Mapping[str, LustProfile],
+    profiles: Profiles,
     cues: Iterable[Cue],
     folder: Path,
     *,

@@ -39,7 +39,7 @@ from hil.daemon.records import (
 from hil.errors import ProtocolError
 
 MAGIC: Final = 0x48
-VERSION: Final = 1
+VERSION: Final = 2
 TEXT_BYTES: Final = 240
 REPLY_BYTES: Final = 960
 NAME_BYTES: Final = 48
@@ -84,7 +84,7 @@ def _count(n: int, limit: int, what: str) -> int:
     return n
 
 
-_FRAME = struct.Struct("<d?16s")
+_FRAME = struct.Struct("<d?B16s")
 _STATE = struct.Struct(f"<dBBB{2 * MAX_AXES}d{5 * MAX_AXES}ddddQQQQd{FAULT_BYTES}s")
 _SAMPLE = struct.Struct("<BBddd")
 _SETPOINT = struct.Struct("<dBBd")
@@ -93,17 +93,17 @@ _EVENT = struct.Struct(f"<dB{NAME_BYTES}s{TEXT_BYTES}s")
 _REPLY = struct.Struct(f"<I?{REPLY_BYTES}s")
 _CUE = struct.Struct(f"<{CLIENT_BYTES}sQddHHBB{POSES_PER_RECORD * (1 + MAX_AXES)}d")
 _COMMAND = struct.Struct(f"<I{NAME_BYTES}s{NAME_BYTES}s")
-_INPUT = struct.Struct("<QdB16s")
+_INPUT = struct.Struct("<QdBB16s")
 _ALIVE = struct.Struct("<d?")
 
 
 def _pack_frame(r: FrameRecord) -> bytes:
-    return _FRAME.pack(r.t_s, r.is_sent, frames.pack(r.frame))
+    return _FRAME.pack(r.t_s, r.is_sent, r.frame.bus, frames.pack(r.frame))
 
 
 def _unpack_frame(body: bytes) -> FrameRecord:
-    t_s, is_sent, raw = _FRAME.unpack(body)
-    return FrameRecord(t_s, is_sent, frames.unpack(raw))
+    t_s, is_sent, bus, raw = _FRAME.unpack(body)
+    return FrameRecord(t_s, is_sent, frames.unpack(raw)._replace(bus=bus))
 
 
 def _pack_state(r: StateRecord) -> bytes:
@@ -221,12 +221,14 @@ def _unpack_command(body: bytes) -> CommandRecord:
 
 
 def _pack_input(r: InputRecord) -> bytes:
-    return _INPUT.pack(r.number, r.t_s, _code(INPUTS, r.what), frames.pack(r.frame))
+    what = _code(INPUTS, r.what)
+    return _INPUT.pack(r.number, r.t_s, what, r.frame.bus, frames.pack(r.frame))
 
 
 def _unpack_input(body: bytes) -> InputRecord:
-    number, t_s, code, raw = _INPUT.unpack(body)
-    return InputRecord(number, t_s, _name(INPUTS, code), frames.unpack(raw))
+    number, t_s, code, bus, raw = _INPUT.unpack(body)
+    frame = frames.unpack(raw)._replace(bus=bus)
+    return InputRecord(number, t_s, _name(INPUTS, code), frame)
 
 
 def _pack_alive(r: GatewayAlive) -> bytes:

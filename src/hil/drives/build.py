@@ -17,16 +17,9 @@ def build_drivers(rig: RigFile, profiles: Profiles) -> DriveBus:
 
     ConfigError where rig file and drive file contradict each other.
     """
-    groups: dict[tuple[int, str], list[int]] = {}
-    for i, actuator in enumerate(rig.actuators):
-        profile = _profile(rig, profiles, actuator.drive.profile)
-        family = "canopen" if profile.protocol == "canopen" else actuator.drive.profile
-        groups.setdefault((actuator.drive.bus, family), []).append(i)
+    found = parts_of(rig, profiles)
     _check_schedule(rig, profiles)
-    parts = []
-    for (bus, _), actuators in sorted(groups.items()):
-        part = part_of(rig, actuators)
-        parts.append(Part(bus, _family(part, profiles), tuple(actuators)))
+    parts = [Part(bus, _family(part, profiles), actuators) for bus, actuators, part in found]
     kinds = {driver.setpoint_kind for part in parts for driver in part.drives}
     if len(kinds) > 1:
         raise ConfigError(
@@ -40,7 +33,23 @@ def build_drivers(rig: RigFile, profiles: Profiles) -> DriveBus:
     return DrivesTogether(rig.name, parts, imu_ids)
 
 
-def part_of(rig: RigFile, actuators: list[int]) -> RigFile:
+def parts_of(rig: RigFile, profiles: Profiles) -> list[tuple[int, tuple[int, ...], RigFile]]:
+    """Bus, actuators (by their places) and rig file of each family's drives on each bus.
+
+    ConfigError where a drive file is missing.
+    """
+    groups: dict[tuple[int, str], list[int]] = {}
+    for i, actuator in enumerate(rig.actuators):
+        profile = _profile(rig, profiles, actuator.drive.profile)
+        family = "canopen" if profile.protocol == "canopen" else actuator.drive.profile
+        groups.setdefault((actuator.drive.bus, family), []).append(i)
+    return [
+        (bus, tuple(actuators), _part_of(rig, actuators))
+        for (bus, _), actuators in sorted(groups.items())
+    ]
+
+
+def _part_of(rig: RigFile, actuators: list[int]) -> RigFile:
     """The rig file with only these actuators, each at the address that it has in the whole."""
     if len(actuators) == len(rig.actuators):
         return rig

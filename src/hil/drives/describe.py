@@ -42,9 +42,7 @@ class Describer:
     def __init__(self, rig: RigFile, profile: LustProfile) -> None:
         self._profile = profile
         self._kind = kind_of(rig, profile)
-        geometry = rig.geometry
-        is_rotary = geometry.kind == "axis_1dof" and geometry.load == "pendulum"
-        self._units = _UNITS[is_rotary]
+        self._units = units_of(rig)
         self._imu_id = rig.can.imu_base_id if rig.imu else None
         self._names = _names_of(profile.parameters)
         self._readers: dict[int, tuple[str, str, Callable[[Frame], Described]]] = {}
@@ -67,7 +65,7 @@ class Describer:
         if frame.is_error:
             return Described("", "bus error", f"controller reports class {frame.can_id:#x}")
         if self._imu_id is not None and frame.can_id in (self._imu_id, self._imu_id + 1):
-            return self._imu(frame)
+            return describe_imu(self._imu_id, frame)
         source, name, read = self._readers.get(frame.can_id, ("", "", None))
         if frame.is_extended or read is None:
             return Described("", "unknown", "no frame of this rig")
@@ -143,21 +141,28 @@ class Describer:
         names = {self._profile.system.start: "start", self._profile.system.stop: "stop"}
         return Described("rig", "system", names.get(byte, f"byte {byte:#04x}"))
 
-    def _imu(self, frame: Frame) -> Described:
-        assert self._imu_id is not None
-        name = "gyro" if frame.can_id == self._imu_id else "accel"
-        try:
-            reading = imu_node.decode(self._imu_id, frame)
-        except ProtocolError as error:
-            return Described("imu", name, f"cannot be read: {error}")
-        values = {f"{name}_{axis}": v for axis, v in zip("xyz", reading.values, strict=True)}
-        shown = " ".join(f"{v:+.4f}" for v in reading.values)
-        unit = "rad/s" if reading.is_gyro else "m/s²"
-        return Described("imu", name, f"{shown} {unit}  no. {reading.counter}", values)
-
     def _shown(self, quantity: str, value: float) -> str:
         digits = 6 if quantity == "position" else 3
         return f"{value:+.{digits}f} {self._units[quantity]}"
+
+
+def units_of(rig: RigFile) -> dict[str, str]:
+    """Unit of each quantity at the rig's actuators."""
+    geometry = rig.geometry
+    return _UNITS[geometry.kind == "axis_1dof" and geometry.load == "pendulum"]
+
+
+def describe_imu(base_id: int, frame: Frame) -> Described:
+    """What a frame of the IMU node says."""
+    name = "gyro" if frame.can_id == base_id else "accel"
+    try:
+        reading = imu_node.decode(base_id, frame)
+    except ProtocolError as error:
+        return Described("imu", name, f"cannot be read: {error}")
+    values = {f"{name}_{axis}": v for axis, v in zip("xyz", reading.values, strict=True)}
+    shown = " ".join(f"{v:+.4f}" for v in reading.values)
+    unit = "rad/s" if reading.is_gyro else "m/s²"
+    return Described("imu", name, f"{shown} {unit}  no. {reading.counter}", values)
 
 
 def _names_of(parameters: Parameters) -> dict[int, tuple[str, WireType, float]]:

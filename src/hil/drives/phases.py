@@ -82,6 +82,8 @@ class PhaseSettings:
     """What to say of a configured drive that was not started."""
     enable_input: str
     """Name of its hardware enable."""
+    tells_unstarted: bool
+    """It sends its status before it is started."""
 
 
 @dataclass(slots=True)
@@ -155,6 +157,11 @@ class PhaseMachine(Generic[S]):
         """A status frame was received."""
         self.heard_s = self._status_s = now_s
         self.status = status
+
+    def start(self, now_s: float) -> None:
+        """It is started now: a drive that tells nothing before has its time to begin."""
+        self.started = True
+        self._status_s = now_s
 
     def answered(self, now_s: float, quantity: str | None) -> None:
         """A request was answered; `quantity` where it measured one."""
@@ -281,7 +288,8 @@ class PhaseMachine(Generic[S]):
         quiet_s = now_s - (now_s if self.heard_s is None else self.heard_s)
         if quiet_s > limit_s:
             return "drive_silent", f"has answered nothing for {quiet_s:.2f} s"
-        if now_s - self._status_s > status_limit_s:
+        tells = self.started or self._settings.tells_unstarted
+        if tells and now_s - self._status_s > status_limit_s:
             return "drive_silent", f"has sent no status for {now_s - self._status_s:.2f} s"
         return None
 

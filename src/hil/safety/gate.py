@@ -23,6 +23,7 @@ from hil.safety.rules import (
     judge_force,
     judge_measured,
     judge_position,
+    judge_velocity,
 )
 
 RATE_CYCLES: Final = 20
@@ -62,7 +63,7 @@ class Gate:
         self._tracks: list[Passed | None] = [None] * n
         self._measured: list[Measured | None] = [None] * n
         self._times: dict[int, deque[float]] = {
-            i: deque(maxlen=RATE_FRAMES) for i in meaning.lengths
+            key: deque(maxlen=RATE_FRAMES) for key in meaning.lengths
         }
         self._frames: dict[int, bytes] = {}
         self._findings: list[Finding] = []
@@ -116,12 +117,13 @@ class Gate:
             return Broken(Rule.READ_ONLY, "this daemon only listens")
         if frame.is_remote or frame.is_extended or frame.is_error:
             return Broken(Rule.FRAME_FORM, "remote, extended and error frames are never sent")
-        length = self._meaning.lengths.get(frame.can_id)
+        key = frame.key
+        length = self._meaning.lengths.get(key)
         if length is None:
             return Broken(Rule.UNKNOWN_ID, "no drive of this rig listens to this identifier")
         if len(frame.data) != length:
             return Broken(Rule.LENGTH, f"{len(frame.data)} data bytes instead of {length}")
-        meaning = self._meaning.meaning(frame.can_id, frame.data)
+        meaning = self._meaning.meaning(key, frame.data)
         if meaning.ask is Ask.POWER_OFF and meaning.actuator is not None:
             self._is_off[meaning.actuator] = True
             self._tracks[meaning.actuator] = None
@@ -132,17 +134,18 @@ class Gate:
         broken = self._judge_rate(now_s, frame) or self._judge_ask(now_s, meaning)
         if broken is not None:
             return broken
-        self._times[frame.can_id].append(now_s)
-        self._frames[frame.can_id] = frame.data
+        self._times[key].append(now_s)
+        self._frames[key] = frame.data
         return meaning
 
     def _judge_rate(self, now_s: float, frame: Frame) -> Broken | None:
-        times, cycle_s = self._times[frame.can_id], self.limits.cycle_s
+        key, cycle_s = frame.key, self.limits.cycle_s
+        times = self._times[key]
         if not times:
             return None
         if len(times) == RATE_FRAMES and not now_s - times[0] >= RATE_CYCLES * cycle_s:
             return Broken(Rule.RATE, f"more than {RATE_FRAMES} frames in {RATE_CYCLES} cycles")
-        if self._frames[frame.can_id] == frame.data and not (
+        if self._frames[key] == frame.data and not (
             now_s - times[-1] >= DUPLICATE_CYCLES * cycle_s
         ):
             return Broken(Rule.DUPLICATE, f"sent already {(now_s - times[-1]) * 1e3:.2f} ms ago")
@@ -150,7 +153,13 @@ class Gate:
 
     def _judge_ask(self, now_s: float, meaning: Meaning) -> Broken | None:
         match meaning.ask:
-            case Ask.READ:
+            case Ask.READ | Ask.SYNC | Ask.ALIVE:
+                return None
+            case Ask.NETWORK:
+                if self._armed:
+                    return Broken(
+                        Rule.NETWORK_ARMED, f"{meaning.text} would take a drive from an armed rig"
+                    )
                 return None
             case Ask.WRITE:
                 return self._judge_write(meaning)
@@ -204,7 +213,8 @@ class Gate:
         last = self._tracks[i]
         if last is not None and not now_s - last.at_s <= self.limits.fresh_s:
             last = None
-        outcome = judge_position(limits, self.limits.cycle_s, last, measured, now_s, value)
+        judge = judge_position if limits.kind == "position" else judge_velocity
+        outcome = judge(limits, self.limits.cycle_s, last, measured, now_s, value)
         if isinstance(outcome, Broken):
             return outcome
         self._tracks[i] = outcome

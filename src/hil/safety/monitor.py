@@ -194,7 +194,7 @@ class Monitor:
 
     def on_frame(self, frame: Frame) -> list[Finding]:
         """A frame was received; ours never are, so one with an identifier of ours is another master's."""
-        if frame.is_error or frame.is_extended or frame.can_id not in self._ours:
+        if frame.is_error or frame.is_extended or frame.key not in self._ours:
             return []
         return [Finding(Cause.SECOND_MASTER, f"someone else sent {frame}, an identifier of ours")]
 

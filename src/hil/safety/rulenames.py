@@ -34,6 +34,7 @@ class Rule(Enum):
         "while disarmed, System Start only after every drive has been told to be off",
     )
     RESET_ARMED = "reset_armed", "no error reset while armed: a fault is reset by a person"
+    NETWORK_ARMED = "network_armed", "no drive is started, stopped or reset as a node while armed"
     WRITE_PARAMETER = "write_parameter", "only parameters that the profile declares writable"
     WRITE_POWERED = (
         "write_powered",
@@ -46,7 +47,7 @@ class Rule(Enum):
     )
     STROKE = "stroke", "position setpoints inside the stroke less stroke_margin at each end"
     FOLLOWING = "following", "position setpoints within following_error of the measured position"
-    SPEED = "speed", "change of setpoint over time at most 1.05 velocity_max"
+    SPEED = "speed", "change of setpoint over time, or speed setpoint, at most 1.05 velocity_max"
     ACCELERATION = (
         "acceleration",
         "change of setpoint speed over time at most 1.05 acceleration_max",

@@ -77,14 +77,14 @@ class Broken(NamedTuple):
     text: str
 
 
-def gate_limits(rig: RigFile, kind: SetpointKind) -> GateLimits:
-    """The gate's limits from a rig file; `kind`: what its drives are sent."""
+def gate_limits(rig: RigFile, *kinds: SetpointKind) -> GateLimits:
+    """The gate's limits from a rig file; `kinds`: what its drives are sent, one for all or one each."""
     safety = rig.safety
     return GateLimits(
         drives=tuple(
             DriveLimits(
                 name=a.name,
-                kind=kind,
+                kind=kinds[i % len(kinds)],
                 low_m=a.stroke[0] + safety.stroke_margin,
                 high_m=a.stroke[1] - safety.stroke_margin,
                 velocity_max=a.velocity_max,
@@ -93,7 +93,7 @@ def gate_limits(rig: RigFile, kind: SetpointKind) -> GateLimits:
                 following_error_m=safety.following_error,
                 resolution_m=1.0 / a.drive.counts_per_unit,
             )
-            for a in rig.actuators
+            for i, a in enumerate(rig.actuators)
         ),
         cycle_s=rig.bus.cycle,
         fresh_s=safety.answer_timeout,
@@ -171,3 +171,43 @@ def judge_position(
         )
     slot_s = min(slot_before_s + cycles * cycle_s, now_s + RESYNC_CYCLES * cycle_s)
     return Passed(value, speed, slot_s, now_s)
+
+
+def judge_velocity(
+    limits: DriveLimits,
+    cycle_s: float,
+    last: Passed | None,
+    measured: Measured,
+    now_s: float,
+    value: float,
+) -> Passed | Broken:
+    """A speed setpoint not too fast, not too sudden, from which the drive can still stop inside its stroke.
+
+    `last` is None after power-on or a gap: the drive is then taken to be at rest.
+    """
+    top = limits.velocity_max * SLACK
+    if not abs(value) <= top:
+        return Broken(
+            Rule.SPEED, f"speed {abs(value):.4f} /s is asked, {top:.4f} /s allowed (velocity_max)"
+        )
+    speed_before, slot_before_s = (0.0, now_s - cycle_s) if last is None else last[1:3]
+    cycles = max(1, round((now_s - slot_before_s) / cycle_s))
+    sudden = (
+        limits.acceleration_max * SLACK * cycles * cycle_s + 2.0 * limits.resolution_m / cycle_s
+    )
+    if not abs(value - speed_before) <= sudden:
+        return Broken(
+            Rule.ACCELERATION,
+            f"speed changes from {speed_before:.4f} to {value:.4f} /s at once, {sudden:.4f} allowed "
+            "(acceleration_max)",
+        )
+    age_s = now_s - measured.at_s + cycle_s
+    stop = measured.value + value * (age_s + 0.5 * abs(value) / limits.acceleration_max)
+    if not (value >= 0.0 or stop >= limits.low_m) or not (value <= 0.0 or stop <= limits.high_m):
+        return Broken(
+            Rule.STROKE,
+            f"at {value:.4f} /s it would come to rest at {stop:.5f}, outside {limits.low_m:g}.."
+            f"{limits.high_m:g} (stroke less margin)",
+        )
+    slot_s = min(slot_before_s + cycles * cycle_s, now_s + RESYNC_CYCLES * cycle_s)
+    return Passed(measured.value, value, slot_s, now_s)

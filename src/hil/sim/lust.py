@@ -35,8 +35,8 @@ from hil.drives.profile import LustProfile
 from hil.errors import ProtocolError
 from hil.frames import Frame
 from hil.sim.lust_parameters import ParameterServer
-from hil.sim.lust_senses import Senses
 from hil.sim.plant import Plant
+from hil.sim.senses import Senses
 
 Timed = list[tuple[float, Frame]]
 

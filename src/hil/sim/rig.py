@@ -6,13 +6,15 @@ Pure: the deterministic world drives it in simulated time, `hil simulate` in rea
 from __future__ import annotations
 
 import heapq
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from hil.config import RigFile
 from hil.drives.profile import LustProfile
+from hil.drives.profiles import Profiles
 from hil.frames import Frame
+from hil.sim.cia402 import SimulatedCia402
 from hil.sim.imu_node import SimulatedImu
 from hil.sim.lust import SimulatedCdd3000
 from hil.sim.plant import Plant
@@ -21,13 +23,13 @@ from hil.sim.plant import Plant
 class SimulatedRig:
     """Plant, drives and IMU of a rig file; `profiles` by the names that the rig file uses."""
 
-    def __init__(self, rig: RigFile, profiles: Mapping[str, LustProfile], seed: int = 0) -> None:
+    def __init__(self, rig: RigFile, profiles: Profiles, seed: int = 0) -> None:
         streams = np.random.default_rng(seed).spawn(len(rig.actuators) + 1)
         self.plant = Plant(rig, seed=seed)
         self.drives = [
-            SimulatedCdd3000(rig, i, self.plant, profiles[actuator.drive.profile], streams[i])
-            for i, actuator in enumerate(rig.actuators)
+            _drive(rig, i, self.plant, profiles, streams[i]) for i in range(len(rig.actuators))
         ]
+        self._buses = [a.drive.bus for a in rig.actuators]
         self.imu = SimulatedImu(rig, self.plant, streams[-1]) if rig.imu else None
         self._pending: list[tuple[float, int, Frame]] = []
         self._order = 0
@@ -43,25 +45,36 @@ class SimulatedRig:
         return min(due)
 
     def on_frame(self, now_s: float, frame: Frame) -> None:
-        """A frame arrives at every drive, as on a real bus."""
-        for drive in self.drives:
-            self._queue(drive.on_frame(now_s, frame))
+        """A frame arrives at every drive of its bus, as on a real one."""
+        for drive, bus in zip(self.drives, self._buses, strict=True):
+            if bus == frame.bus:
+                self._queue(drive.on_frame(now_s, frame), bus)
         self.next_due_s = self._due_s()
 
     def on_time(self, now_s: float) -> list[Frame]:
         """The frames that leave the rig's nodes up to `now_s`, in order."""
-        for drive in self.drives:
+        for drive, bus in zip(self.drives, self._buses, strict=True):
             if drive.next_due_s <= now_s:
-                self._queue(drive.on_time(now_s))
+                self._queue(drive.on_time(now_s), bus)
         if self.imu is not None and self.imu.next_due_s <= now_s:
-            self._queue(self.imu.on_time(now_s))
+            self._queue(self.imu.on_time(now_s), 0)
         out = []
         while self._pending and self._pending[0][0] <= now_s:
             out.append(heapq.heappop(self._pending)[2])
         self.next_due_s = self._due_s()
         return out
 
-    def _queue(self, frames: Sequence[tuple[float, Frame]]) -> None:
-        for at_s, frame in frames:
+    def _queue(self, frames: Sequence[tuple[float, Frame]], bus: int) -> None:
+        for at_s, sent in frames:
+            frame = sent._replace(bus=bus) if bus else sent
             heapq.heappush(self._pending, (at_s, self._order, frame))
             self._order += 1
+
+
+def _drive(
+    rig: RigFile, i: int, plant: Plant, profiles: Profiles, rng: np.random.Generator
+) -> SimulatedCdd3000 | SimulatedCia402:
+    profile = profiles[rig.actuators[i].drive.profile]
+    if isinstance(profile, LustProfile):
+        return SimulatedCdd3000(rig, i, plant, profile, rng)
+    return SimulatedCia402(rig, i, plant, profile, rng)

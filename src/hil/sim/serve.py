@@ -8,6 +8,7 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 from hil.bus.port import BusPort
 from hil.bus.timerfd import Timer
@@ -16,11 +17,14 @@ from hil.sim.rig import SimulatedRig
 
 
 class SimulatedRigServer:
-    """Feeds frames and time to a simulated rig. The plant's clock starts with `run`."""
+    """Feeds frames and time to a simulated rig, a port for each of its buses.
 
-    def __init__(self, simulated: SimulatedRig, port: BusPort) -> None:
+    The plant's clock starts with `run`.
+    """
+
+    def __init__(self, simulated: SimulatedRig, *ports: BusPort) -> None:
         self._simulated = simulated
-        self._port = port
+        self._ports = ports
         self._start_s = 0.0
         self._failed: asyncio.Future[None]
         self._timer = Timer()
@@ -32,13 +36,15 @@ class SimulatedRigServer:
         loop = asyncio.get_running_loop()
         self._failed = loop.create_future()
         self._start_s = time.monotonic() - self._simulated.plant.now_s
-        loop.add_reader(self._port.fileno(), self._guarded, self._on_frames)
+        for bus, port in enumerate(self._ports):
+            loop.add_reader(port.fileno(), self._guarded, partial(self._on_frames, port, bus))
         loop.add_reader(self._timer.fileno(), self._guarded, self._on_timer)
         self._guarded(self._on_timer)
         try:
             await self._failed
         finally:
-            loop.remove_reader(self._port.fileno())
+            for port in self._ports:
+                loop.remove_reader(port.fileno())
             loop.remove_reader(self._timer.fileno())
             self._timer.close()
 
@@ -52,23 +58,24 @@ class SimulatedRigServer:
             if not self._failed.done():
                 self._failed.set_exception(error)
 
-    def _on_frames(self) -> None:
-        for stamped in self._port.receive():
-            self._simulated.on_frame(stamped.t_s - self._start_s, stamped.frame)
+    def _on_frames(self, port: BusPort, bus: int) -> None:
+        for t_s, frame in port.receive():
+            marked = frame._replace(bus=bus) if bus else frame
+            self._simulated.on_frame(t_s - self._start_s, marked)
 
     def _on_timer(self) -> None:
         self._timer.expirations()
         for frame in self._simulated.on_time(time.monotonic() - self._start_s):
             try:
-                self._port.send(frame)
+                self._ports[frame.bus].send(frame)
             except (BusBusy, BusOff):  # a drive's power outlasts its bus
                 self.unsent += 1
 
 
-async def serve_until_signalled(simulated: SimulatedRig, port: BusPort) -> None:
+async def serve_until_signalled(simulated: SimulatedRig, *ports: BusPort) -> None:
     """Serve until SIGINT or SIGTERM."""
     loop = asyncio.get_running_loop()
-    task = asyncio.ensure_future(SimulatedRigServer(simulated, port).run())
+    task = asyncio.ensure_future(SimulatedRigServer(simulated, *ports).run())
     for signum in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(signum, task.cancel)
     with suppress(asyncio.CancelledError):

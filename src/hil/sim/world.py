@@ -37,7 +37,7 @@ class Master(Protocol):
 
 
 class World:
-    """Runs `masters` (name → master) against `simulated` over `bus`.
+    """Runs `masters` (name → master) against `simulated` over `buses`, which frames count in this order.
 
     `wake_jitter_s` is the standard deviation of the masters' late wake-ups (a host's scheduling), drawn
     from `rng` as its absolute value: nobody wakes early.
@@ -46,21 +46,22 @@ class World:
     def __init__(
         self,
         simulated: SimulatedRig,
-        bus: BitBus,
+        buses: Sequence[BitBus],
         masters: dict[str, Master],
         *,
         rng: np.random.Generator,
         wake_jitter_s: float = 0.0,
     ) -> None:
         self.simulated = simulated
-        self.bus = bus
+        self.buses = tuple(buses)
         self.masters = masters
         self.now_s = simulated.plant.now_s
         self._rng = rng
         self._jitter_s = wake_jitter_s
         self._wake: dict[str, tuple[float, float]] = {}
-        for node in (RIG_NODE, *masters):
-            bus.attach(node)
+        for bus in self.buses:
+            for node in (RIG_NODE, *masters):
+                bus.attach(node)
 
     def run_until(self, end_s: float) -> None:
         """Let everything happen up to and including `end_s`."""
@@ -72,18 +73,21 @@ class World:
 
     def _next_due_s(self) -> float:
         wakes = (self._wake_s(name) for name in self.masters)
-        return min(self.bus.next_due_s, self.simulated.next_due_s, *wakes)
+        buses = (bus.next_due_s for bus in self.buses)
+        return min(self.simulated.next_due_s, *buses, *wakes)
 
     def _happen(self) -> None:
         now_s = self.now_s
-        for at_s, node, frame in self.bus.advance(now_s):
-            if node == RIG_NODE:
-                self.simulated.on_frame(at_s, frame)
-            else:
-                self._submit(node, self.masters[node].on_frame(at_s, frame))
+        for k, bus in enumerate(self.buses):
+            for at_s, node, received in bus.advance(now_s):
+                frame = received._replace(bus=k) if k else received
+                if node == RIG_NODE:
+                    self.simulated.on_frame(at_s, frame)
+                else:
+                    self._submit(node, self.masters[node].on_frame(at_s, frame))
         for frame in self.simulated.on_time(now_s):
             with suppress(BusBusy, BusOff):  # a drive's own queue: it speaks again next time
-                self.bus.submit(RIG_NODE, frame, now_s)
+                self.buses[frame.bus].submit(RIG_NODE, frame, now_s)
         for name, master in self.masters.items():
             if self._wake_s(name) <= now_s:
                 self._submit(name, master.on_due(now_s))
@@ -91,7 +95,7 @@ class World:
     def _submit(self, node: str, frames: Sequence[Frame]) -> None:
         for frame in frames:
             try:
-                self.bus.submit(node, frame, self.now_s)
+                self.buses[frame.bus].submit(node, frame, self.now_s)
             except (BusBusy, BusOff) as error:
                 self.masters[node].on_refused(self.now_s, frame, error)
 

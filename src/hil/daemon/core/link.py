@@ -24,7 +24,7 @@ class Link:
     def __init__(self, rig: RigFile, drives: DriveBus, *, read_only: bool = False) -> None:
         self.drives = drives
         self.gate = Gate(
-            gate_limits(rig, drives[0].setpoint_kind), drives.meaning, read_only=read_only
+            gate_limits(rig, *(d.wire_kind for d in drives)), drives.meaning, read_only=read_only
         )
         self.monitor = Monitor(rig, drives.meaning)
         self.imu = ImuReceiver(rig.can.imu_base_id, rig.imu.group_delay_s) if rig.imu else None
@@ -48,7 +48,7 @@ class Link:
                 samples.append(item)
             else:
                 events.append(item)
-        if self.imu is not None:
+        if self.imu is not None and frame.bus == 0:
             samples += self.imu.on_frame(now_s, frame)
         for sample in samples:
             i = self._index[sample.source]
@@ -64,6 +64,10 @@ class Link:
     def take_in(self, events: Iterable[Event]) -> None:
         """Turn drivers' fault events into findings for the state machine."""
         self._find(finding for event in events if (finding := finding_of(event)) is not None)
+
+    def sync(self, now_s: float) -> list[Frame]:
+        """Frames that mark the beginning of a cycle for the drives: before anything is reckoned."""
+        return self._passed(now_s, self.drives.on_sync(now_s))
 
     def begin(self, now_s: float) -> list[Frame]:
         """Frames that concern the whole bus; once a cycle."""

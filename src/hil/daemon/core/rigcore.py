@@ -15,7 +15,7 @@ from hil.bus.state import ERR_BUS_OFF, ERR_RESTARTED
 from hil.config import RigFile
 from hil.daemon.core.link import Link
 from hil.daemon.core.motion import Motion, actuator_states, tracking_error
-from hil.daemon.core.schedule import CYCLE, Due, Schedule
+from hil.daemon.core.schedule import CYCLE, SYNC, Due, Schedule
 from hil.daemon.cue_parts import split_cue
 from hil.daemon.records import (
     NO_FRAME,
@@ -87,7 +87,10 @@ class RigCore:
         self._heard(start_s, "listen" if self._link.gate.read_only else "start")
         bus = self.rig.bus
         stagger_s = bus.stagger if bus.schedule == "parameter" else 0.0
-        self._schedule = Schedule(start_s, bus.cycle, stagger_s, len(self._link.drives))
+        drives = self._link.drives
+        self._schedule = Schedule(
+            start_s, bus.cycle, stagger_s, len(drives), synchronous=drives.is_synchronous
+        )
         self._gateway_s = inf  # not heard yet: it may take seconds to start; nothing moves before
 
     @property
@@ -171,7 +174,9 @@ class RigCore:
         self._heard(now_s, "due")
         frames: list[Frame] = []
         for due in self._schedule.take(now_s):
-            if due.slot == CYCLE:
+            if due.slot == SYNC:
+                frames += self._link.sync(now_s)
+            elif due.slot == CYCLE:
                 frames += self._begin_cycle(now_s, due)
             else:
                 value, position = self._motion.wanted(due.slot)

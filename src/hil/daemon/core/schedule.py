@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+SYNC: Final = -2
+"""`Due.slot` of the instant at which a cycle begins for the drives: it comes alone, ahead of the cycle."""
 CYCLE: Final = -1
 """`Due.slot` of the start of a cycle; drives' slots count from 0."""
 
@@ -22,9 +24,21 @@ class Due:
 
 
 class Schedule:
-    """Cycle k begins at start + k·cycle; the slot of drive i `i * stagger_s` later."""
+    """Cycle k begins at start + k·cycle; the slot of drive i `i * stagger_s` later.
 
-    def __init__(self, start_s: float, cycle_s: float, stagger_s: float, slots: int) -> None:
+    With `synchronous` a SYNC is due with each cycle, in a call of its own: what follows has to be reckoned
+    first, and SYNC must not wait for that.
+    """
+
+    def __init__(
+        self,
+        start_s: float,
+        cycle_s: float,
+        stagger_s: float,
+        slots: int,
+        *,
+        synchronous: bool = False,
+    ) -> None:
         if stagger_s * (slots - 1) >= cycle_s:
             raise ValueError(
                 f"{slots} slots {stagger_s * 1e3:g} ms apart do not fit into a cycle of {cycle_s * 1e3:g} ms"
@@ -36,8 +50,9 @@ class Schedule:
         self.cycles = 0
         self.overruns = 0
         self.missed_in_a_row = 0
+        self._first = SYNC if synchronous else CYCLE
         self._k = 0
-        self._next = CYCLE
+        self._next = self._first
 
     @property
     def next_due_s(self) -> float:
@@ -48,17 +63,21 @@ class Schedule:
         """All that is due at `now_s`, in order."""
         due: list[Due] = []
         while self.next_due_s <= now_s:
-            if self._next == CYCLE:
+            if self._next == self._first:
+                if due and self._first == SYNC:
+                    return due
                 self._begin(now_s)
                 due = []
             due.append(Due(self._next, self.next_due_s))
             self._next += 1
             if self._next == self.slots:
-                self._k, self._next = self._k + 1, CYCLE
+                self._k, self._next = self._k + 1, self._first
+            if due[-1].slot == SYNC:
+                return due
         return due
 
     def _begin(self, now_s: float) -> None:
-        gone = int((now_s - self._due_s(self._k, CYCLE)) / self.cycle_s)
+        gone = int((now_s - self._due_s(self._k, SYNC)) / self.cycle_s)
         self._k += gone
         self.overruns += gone
         self.missed_in_a_row = gone

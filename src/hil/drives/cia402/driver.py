@@ -31,6 +31,8 @@ STORM: Final = 20
 SETTLE_S: Final = 0.3
 """A node that was started gets so long until its heartbeat says so."""
 COURSE_CODES: Final = frozenset({0x8612})
+LATEST_CYCLES: Final = 1.25
+"""A busy bus may carry an answer after the next SYNC, but not much."""
 SHORTEST_ANSWER_BITS: Final = 47 + 111
 """SYNC and an answer of eight bytes without stuff bits: nothing answers a SYNC sooner."""
 
@@ -71,7 +73,7 @@ class Cia402Driver:
         self._cycle_s = rig.bus.cycle
         self._sync_bits_s = 47 / rig.can.bitrates[actuator.drive.bus]
         self._soonest_s = SHORTEST_ANSWER_BITS / rig.can.bitrates[actuator.drive.bus]
-        self._syncs = (-math.inf, -math.inf)
+        self._syncs: deque[float] = deque(maxlen=3)
         self._first_slot_s: float | None = None
         self._asked_s = -math.inf
         self._heard_now = False
@@ -85,7 +87,6 @@ class Cia402Driver:
         self._emergencies: deque[float] = deque(maxlen=STORM)
         self._stormed_s = -math.inf
         self._wrong = self._garbage = self._slots = self._pairs = 0
-        self._awaits = False
 
     @property
     def status(self) -> DriveStatus:
@@ -169,9 +170,7 @@ class Cia402Driver:
         machine, units = self._machine, self._units
         if machine.phase is DrivePhase.ABSENT or not machine.started:
             return []  # of an earlier master's making: nobody knows what is mapped
-        if self._awaits:
-            self._awaits = False
-            self._pairs += 1
+        self._pairs = min(self._pairs + 1, self._slots)
         self._position = position
         machine.took_status(
             now_s, _Said(power, bool(word & VOLTAGE_ENABLED), self._boot.is_referenced)
@@ -185,10 +184,13 @@ class Cia402Driver:
         ]
 
     def _sampled_s(self, now_s: float) -> float:
-        """Arrival of the SYNC that these values answer: the last one that they can answer."""
-        before_s, last_s = self._syncs
-        sync_s = last_s if now_s - last_s >= self._soonest_s else before_s
-        return min(sync_s + self._sync_bits_s, now_s) if sync_s > -math.inf else now_s
+        """Arrival of the SYNC that these values answer: the oldest unanswered one that they can answer."""
+        latest_s = LATEST_CYCLES * self._cycle_s
+        while self._syncs and now_s - self._syncs[0] > latest_s:
+            self._syncs.popleft()
+        if not self._syncs or now_s - self._syncs[0] < self._soonest_s:
+            return now_s
+        return self._syncs.popleft() + self._sync_bits_s
 
     def _on_emergency(self, now_s: float, data: bytes) -> None:
         """An emergency is one whatever its length: of all frames this one is never ignored."""
@@ -228,7 +230,7 @@ class Cia402Driver:
 
     def on_sync(self, now_s: float) -> None:
         """SYNC goes out now."""
-        self._syncs = (self._syncs[1], now_s)
+        self._syncs.append(now_s)
 
     def on_slot(self, now_s: float, goal: PowerGoal, setpoint: float | None) -> list[Frame]:
         """Process data where the drive is operational, and at most one SDO request or NMT command."""
@@ -290,7 +292,6 @@ class Cia402Driver:
         if not machine.started:
             return []
         self._slots += 1
-        self._awaits = True
         command = machine.command(now_s)
         word = command.value
         if machine.phase is DrivePhase.FAULT or command is not PowerCommand.ENABLE:
@@ -337,7 +338,7 @@ class Cia402Driver:
             machine.started = False
             return [self._nmt_frame(codec.NmtCommand.PRE_OPERATIONAL)]
         if machine.phase is DrivePhase.CONFIGURED and not machine.started:
-            machine.started = True
+            machine.start(now_s)
             self._started_s = self._heartbeat_s = now_s
             self._nmt = None
             return [self._nmt_frame(codec.NmtCommand.START)]
@@ -374,4 +375,5 @@ def _phase_settings(profile: Cia402Profile) -> PhaseSettings:
         absent="has not been heard: is it powered, on this bus, at this bit rate, and set to this node?",
         unstarted="is about to be started",
         enable_input="voltage (status bit 4)",
+        tells_unstarted=False,
     )

@@ -284,4 +284,5 @@ def phase_settings(profile: LustProfile) -> PhaseSettings:
         "A drive that ran before may have to be switched off and on",
         unstarted="waits for the other drives and System Start",
         enable_input="ENPO",
+        tells_unstarted=True,
     )

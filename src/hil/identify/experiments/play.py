@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -13,7 +13,7 @@ from hil.client import RigClient
 from hil.config import Effect, RigFile
 from hil.daemon.records import EventRecord, Record
 from hil.daemon.simulated import record_ride
-from hil.drives.profile import LustProfile
+from hil.drives.profiles import Profiles
 from hil.errors import CommandRefused, RunError
 from hil.identify.experiments.description import Played, write_experiment
 from hil.identify.experiments.design import Design
@@ -32,7 +32,7 @@ def play_simulated(
     design: Design,
     rig: RigFile,
     rig_text: str,
-    profiles: Mapping[str, LustProfile],
+    profiles: Profiles,
     runs: Path,
     *,
     seed: int = 0,

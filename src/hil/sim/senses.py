@@ -1,4 +1,4 @@
-"""What a simulated CANLust drive measures, and when its replies leave."""
+"""What a simulated drive measures, and when its replies leave."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Senses:
         }
         self._bus, self._i, self._plant, self._rng = rig.bus, i, plant, rng
         self._stroke = rig.actuators[i].stroke
-        self.frame_s = FRAME_BITS / rig.can.bitrate
+        self.frame_s = FRAME_BITS / rig.can.bitrates[rig.actuators[i].drive.bus]
         """Time on the bus of one frame, s."""
 
     def reply_s(self, now_s: float) -> float:
