@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import json as js
 import time
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
 
-from hil.cli.console import err
-from hil.exam import Order, make_exam
+from hil.cli.console import err, out
+from hil.errors import RunError
+from hil.exam import Marked, Order, Sitting, make_exam, mark_exam, sit_exam
 from hil.exam.make import KINDS
+from hil.exam.mark import Group
+from hil.exam.marks import Mark
 from hil.exam.rigs import RIGS
+from hil.exam.sit import LIMIT_S
 
 app = typer.Typer(
     help="A blind check: does the diagnosis find what it cannot know?\n\n"
@@ -68,11 +76,172 @@ def make(
     make_exam(order, cases, out, jobs=jobs, on_done=show.done)
 
 
+class Baseline(StrEnum):
+    """Who sits instead of the diagnosis."""
+
+    random = "random"
+    best_training = "best-training"
+    naive_bic = "naive-bic"
+    oracle = "oracle"
+
+
+@app.command()
+def sit(
+    cases: Annotated[Path, typer.Argument(help="Folder of cases (or one with cases/ in it).")],
+    to: Annotated[Path, typer.Option("--out", help="Folder for the diagnoses, one file a case.")],
+    only: Annotated[
+        str, typer.Option("--only", help="Only cases whose name matches this pattern (regex).")
+    ] = "",
+    baseline: Annotated[
+        Baseline | None,
+        typer.Option(
+            "--baseline",
+            help="Let a baseline sit instead: random; best-training, the effect with the smallest training "
+            "error; naive-bic; oracle, which is told the effect and fits it.",
+        ),
+    ] = None,
+    without: Annotated[
+        str,
+        typer.Option(
+            "--without",
+            help="Effects that the diagnosis must not know, by name; auto: withhold from each case the very "
+            "effect it has (needs --answers).",
+        ),
+    ] = "",
+    answers: Annotated[
+        Path | None,
+        typer.Option(
+            "--answers", help="For the oracle and --without auto; default: answers/ beside cases/."
+        ),
+    ] = None,
+    limit: Annotated[
+        float, typer.Option("--limit", min=1.0, help="Longest time for a case, s.")
+    ] = LIMIT_S,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes.")] = 2,
+) -> None:
+    """Diagnose each case from its run folders and its rig.toml alone.
+
+    Cases that have a diagnosis in --out are left alone: interrupt and go on as you like, delete a file to sit
+    its case again. A case that fails gets a diagnosis with the verdict "error".
+    """
+    knows = baseline is Baseline.oracle or without == "auto"
+    if knows and answers is None:
+        beside = [cases / "answers", cases.parent / "answers"]
+        answers = next((p for p in beside if p.is_dir()), None)
+    sitting = Sitting(
+        to,
+        baseline.value if baseline else None,
+        answers if knows else None,
+        "auto" if without == "auto" else _list(without),
+        limit,
+    )
+    show = Progress(0)
+    sit_exam(cases, sitting, only=only, jobs=jobs, on_done=show.done, on_count=show.expect)
+
+
+@app.command()
+def mark(
+    diagnoses: Annotated[Path, typer.Argument(help="Folder of diagnoses, <case>.json.")],
+    answers: Annotated[
+        Path, typer.Option("--answers", help="Folder of answers, <case>/answer.json.")
+    ],
+    json: Annotated[
+        Path | None, typer.Option("--json", help="Write every mark, table and wrong case as JSON.")
+    ] = None,
+    cases: Annotated[
+        Path | None,
+        typer.Option("--cases", help="Where the seals are; default: cases/ beside the answers."),
+    ] = None,
+    oracle: Annotated[
+        Path | None,
+        typer.Option(
+            "--oracle", help="Diagnoses by `sit --baseline oracle`, to compare shrink with."
+        ),
+    ] = None,
+) -> None:
+    """Check the seals, open the answers, mark the diagnoses.
+
+    Every answer counts: a missing or broken diagnosis is a wrong one. Marks come with 95 % intervals, for all
+    cases from 3 times the floor on, by rig, and by severity.
+    """
+    marked = mark_exam(diagnoses, answers, cases=cases, oracle=oracle, only=only)
+    if json is not None:
+        try:
+            json.write_text(js.dumps(marked.tables(), indent=1, ensure_ascii=False) + "\n", "utf-8")
+        except OSError as error:
+            raise RunError(f"{json}: cannot be written: {error.strerror}") from error
+    _show(marked)
+
+
+def _show(marked: Marked) -> None:
+    for group in marked.groups:
+        out.print(_table(group))
+    for row, columns in marked.tables()["confusion"].items():
+        wrong = {c: n for c, n in columns.items() if c != row}
+        if wrong:
+            text = ", ".join(f"{c} {n}" for c, n in wrong.items())
+            out.print(
+                f"{row} ({sum(columns.values())}) was also called: {text}",
+                markup=False,
+                soft_wrap=True,
+            )
+    for case, what in marked.unusable:
+        out.print(f"{case}: {what}", style="yellow", markup=False, soft_wrap=True)
+    if marked.unsealed:
+        count = len(marked.unsealed)
+        out.print(
+            f"{count} cases carry no seal that could be checked", style="yellow", markup=False
+        )
+
+
+def _table(group: Group) -> Table:
+    table = Table(
+        "mark", "value", "95 %", "of", "asked", "",
+        title=f"{group.name}: {group.papers} cases", title_justify="left", box=SIMPLE_HEAD,
+    )  # fmt: skip
+    for k, column in enumerate(table.columns):
+        column.no_wrap = True
+        column.justify = "left" if k == 0 else "right"
+    for m, v in group.marks:
+        if v.value is None:
+            continue
+        reached = m.is_reached(v)
+        interval = (
+            "" if v.low is None or v.high is None else f"{_bare(v.low, m)}–{_bare(v.high, m)}"
+        )
+        table.add_row(
+            m.name,
+            f"{_bare(v.value, m)} {m.unit}".rstrip(),
+            interval,
+            str(v.count),
+            _asked(m),
+            "" if reached is None else ("yes" if reached else "no"),
+            style="yellow" if reached is False else None,
+        )
+    return table
+
+
+def _bare(value: float, m: Mark) -> str:
+    return f"{100.0 * value:.1f}" if m.unit == "%" else f"{value:.3g}"
+
+
+def _asked(m: Mark) -> str:
+    if m.least is not None and m.most is not None:
+        return f"{_bare(m.least, m)}–{_bare(m.most, m)}"
+    if m.least is not None:
+        return f"≥ {_bare(m.least, m)}"
+    return "" if m.most is None else f"≤ {_bare(m.most, m)}"
+
+
 class Progress:
     """A line for each case, with the time that is left."""
 
     def __init__(self, total: int) -> None:
         self._total, self._count, self._start_s = total, 0, time.monotonic()
+
+    def expect(self, total: int) -> None:
+        """So many are to come."""
+        self._total = total
 
     def done(self, case: str, text: str) -> None:
         """Case `case` is finished."""

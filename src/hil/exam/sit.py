@@ -1,0 +1,212 @@
+"""Cases sat one by one: each diagnosis a file, each failure a file, so that nothing is lost or done twice."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import re
+import signal
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from hil import __version__
+from hil.errors import ConfigError, HilError, RunError
+from hil.exam.case import ANSWER, Case, case_folders, load_case, read_answer, seals_of
+
+Baseline = Literal["random", "best-training", "naive-bic", "oracle"]
+BASELINES: Final = ("random", "best-training", "naive-bic", "oracle")
+LIMIT_S: Final = 1800.0
+
+
+@dataclass(frozen=True, slots=True)
+class Sitting:
+    """How cases are sat."""
+
+    out: Path
+    baseline: Baseline | None = None
+    answers: Path | None = None
+    """Where a baseline that knows, or an exam that withholds, reads the effect. No diagnosis ever does."""
+    without: Literal["auto"] | tuple[str, ...] = ()
+    """Effects withheld from the diagnosis; "auto": each case's own."""
+    limit_s: float = LIMIT_S
+
+    def file(self, case: str) -> Path:
+        """Where the diagnosis of a case is kept."""
+        return self.out / f"{case}.json"
+
+
+def sit_exam(
+    cases: Path,
+    sitting: Sitting,
+    *,
+    only: str = "",
+    jobs: int = 2,
+    on_done: Callable[[str, str], None] = lambda case, text: None,
+    on_count: Callable[[int], None] = lambda total: None,
+) -> None:
+    """Diagnose every case below `cases` whose name matches `only`; those that have a diagnosis are left.
+
+    A case that fails, or whose process dies, gets a diagnosis with the verdict "error" and the reason; a
+    sitting that is interrupted goes on where it stopped.
+    """
+    folders = [f for f in case_folders(cases) if not only or re.search(only, f.name)]
+    if not folders:
+        raise RunError(f"{cases}: holds no case whose name matches {only!r}")
+    if (sitting.baseline == "oracle" or sitting.without == "auto") and sitting.answers is None:
+        raise ConfigError(
+            "an oracle, and an exam that withholds effects, need the answers: --answers"
+        )
+    sitting.out.mkdir(parents=True, exist_ok=True)
+    todo = [f for f in folders if not sitting.file(f.name).is_file()]
+    on_count(len(todo))
+    if jobs <= 1:
+        for folder in todo:
+            on_done(folder.name, sit_case(folder, sitting))
+        return
+    for folder, text in _in_processes(todo, sitting, jobs):
+        on_done(folder.name, text)
+
+
+def sit_case(folder: Path, sitting: Sitting) -> str:
+    """Diagnose one case and write the file; returns a line about it."""
+    started_s = time.perf_counter()
+    note: dict[str, Any] = {"sat_by": sitting.baseline or "diagnose", "hil": __version__}
+    try:
+        case = load_case(folder)
+        note["seals"] = sorted(seals_of(folder))
+        note["recorded_s"] = round(sum(r.duration_s for r in (*case.runs, *case.references)), 3)
+        without = _withheld(folder, sitting)
+        note["without"] = list(without)
+        started_s = time.perf_counter()
+        with _limit(sitting.limit_s):
+            said = _answered(case, sitting, without)
+    except (
+        HilError,
+        ArithmeticError,
+        ValueError,
+        LookupError,
+        TimeoutError,
+        np.linalg.LinAlgError,
+    ) as error:
+        said = _failed(f"{type(error).__name__}: {error}")
+    took_s = time.perf_counter() - started_s
+    _write(folder.name, sitting, said, {**note, "seconds": round(took_s, 3)})
+    return f"{said['verdict']} in {took_s:.1f} s"
+
+
+def _answered(case: Case, sitting: Sitting, without: Sequence[str]) -> dict[str, Any]:
+    if sitting.baseline is not None:
+        from hil.exam.baselines import sit_baseline
+
+        answer = None
+        if sitting.baseline == "oracle" and sitting.answers is not None:
+            answer = read_answer(sitting.answers / case.id / ANSWER)
+        return sit_baseline(sitting.baseline, case, answer)
+    from hil.gap.diagnose import diagnose
+
+    found = diagnose(list(case.runs), case.rig, references=list(case.references), without=without)
+    return dict(found.tables())
+
+
+def _withheld(folder: Path, sitting: Sitting) -> tuple[str, ...]:
+    if sitting.without != "auto":
+        return tuple(sitting.without)
+    assert sitting.answers is not None
+    answer = read_answer(sitting.answers / folder.name / ANSWER)
+    return tuple(dict.fromkeys(e["effect"] for e in answer["effects"]))
+
+
+def _failed(why: str) -> dict[str, Any]:
+    return {
+        "format": "hil-diagnosis/1",
+        "verdict": "error",
+        "error": why,
+        "causes": [],
+        "effects": [],
+    }
+
+
+def _write(case: str, sitting: Sitting, said: dict[str, Any], note: dict[str, Any]) -> None:
+    fresh = sitting.out / f".{case}.{os.getpid()}"
+    fresh.write_text(
+        json.dumps({**said, "exam": note}, indent=1, ensure_ascii=False, default=_plain) + "\n",
+        encoding="utf-8",
+    )
+    fresh.replace(sitting.file(case))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} does not go into JSON")
+
+
+@contextmanager
+def _limit(seconds: float) -> Iterator[None]:
+    """TimeoutError after so long, where the process can be told so (its main thread)."""
+
+    def ring(number: int, frame: FrameType | None) -> None:
+        raise TimeoutError(f"took longer than {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _in_processes(
+    folders: Sequence[Path], sitting: Sitting, jobs: int
+) -> Iterator[tuple[Path, str]]:
+    """Sit cases in several processes. Where one dies, those that were under way are tried again alone."""
+    suspects: list[Path] = []
+    queue = list(folders)
+    while queue:
+        queue, died = yield from _until_broken(queue, sitting, jobs)
+        suspects += died
+    for folder in suspects:
+        _, died = yield from _until_broken([folder], sitting, 1)
+        if died:
+            _write(
+                folder.name,
+                sitting,
+                _failed("its process died"),
+                {"sat_by": sitting.baseline or "diagnose"},
+            )
+            yield folder, "error: its process died"
+
+
+def _until_broken(
+    folders: list[Path], sitting: Sitting, jobs: int
+) -> Generator[tuple[Path, str], None, tuple[list[Path], list[Path]]]:
+    """Yields what is done; returns those not begun and those under way when a process died."""
+    queue = list(folders)
+    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        under_way: dict[Future[str], Path] = {}
+        try:
+            while queue or under_way:
+                while queue and len(under_way) < jobs:
+                    folder = queue.pop(0)
+                    under_way[pool.submit(sit_case, folder, sitting)] = folder
+                done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+                for future in done:
+                    text = future.result()
+                    yield under_way.pop(future), text
+        except BrokenProcessPool:
+            return queue, [f for f in under_way.values() if not sitting.file(f.name).is_file()]
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return [], []
