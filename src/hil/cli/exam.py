@@ -158,6 +158,9 @@ def mark(
             "--oracle", help="Diagnoses by `sit --baseline oracle`, to compare shrink with."
         ),
     ] = None,
+    only: Annotated[
+        str, typer.Option("--only", help="Only cases whose name matches this pattern (regex).")
+    ] = "",
 ) -> None:
     """Check the seals, open the answers, mark the diagnoses.
 
