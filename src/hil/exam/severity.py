@@ -65,7 +65,7 @@ class Bench:
             noise = np.concatenate(
                 [first.values[s] - first.clean[s], second.values[s] - second.clean[s]]
             )
-            floor[s] = float(np.sqrt(np.mean(noise**2) + 0.5 * np.median(again**2) / 0.4549))
+            floor[s] = float(np.sqrt(np.mean(noise**2) + 0.5 * np.mean(again**2)))
         return cls(rig, scatter, trajectory, seeds, with_imu, first, floor)
 
     def trace(

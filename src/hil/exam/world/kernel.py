@@ -3,8 +3,7 @@
 Every motor is a mass of its own behind a transmission (spring, damper, gap), whatever the effects: nothing
 is ever rigid. Semi-implicit Euler steps; mass matrix and Jacobian of the rigid mechanism come from the pure
 kernel of `hil.rigs`, every other step. A small mass on springs rides on the platform as its structural
-mode. What acts on the platform from outside the catalogue enters here: slosh, a soft base, failing
-counterbalance, pushes.
+mode (`platform`).
 """
 
 from __future__ import annotations
@@ -13,10 +12,11 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled as fast
+from hil.compiled import compiled
 from hil.exam.world import layout as lay
 from hil.exam.world.drives import deliver, position_tick, read_encoder, speed_tick
 from hil.exam.world.friction import bristle_force, hysteresis_force, seal_force
+from hil.exam.world.platform import base, pushed, rider, sense
 from hil.rigs.kernel import scratch, terms_in
 from hil.rigs.linear import solve_square
 
@@ -24,7 +24,7 @@ FREEZE = 2
 """Steps for which mass matrix and Jacobian are kept."""
 
 
-@fast
+@compiled
 def _transmitted(act, st, i, e, u):  # type: ignore[no-untyped-def]
     """Force that the wind-up e (m) of actuator i, with rate u, passes on to the mechanism."""
     gap = 0.5 * act[lay.A_GAP, i]
@@ -41,7 +41,7 @@ def _transmitted(act, st, i, e, u):  # type: ignore[no-untyped-def]
     return force
 
 
-@fast
+@compiled
 def _resisting(act, st, i, t, h):  # type: ignore[no-untyped-def]
     """Force on motor i against positive motion, and force along it, beside current and transmission."""
     v, x = st[lay.S_V, i], st[lay.S_X, i]
@@ -75,99 +75,7 @@ def _resisting(act, st, i, t, h):  # type: ignore[no-untyped-def]
     return force
 
 
-@fast
-def _rider(head, at, A, R, k, qdd, h, u, Q):  # type: ignore[no-untyped-def]
-    """A mass on springs on the platform: advance it (u: offset, rate, 6) and add what it does to Q (n,)."""
-    n = qdd.shape[0]
-    m, w, d = head[at], head[at + 1], head[at + 2]
-    r = np.empty(3)
-    for c in range(3):
-        r[c] = R[c, 0] * head[at + 3] + R[c, 1] * head[at + 4] + R[c, 2] * head[at + 5]
-    wx, wy, wz = k[6], k[7], k[8]
-    w_r = wx * r[0] + wy * r[1] + wz * r[2]
-    w_w = wx * wx + wy * wy + wz * wz
-    a = np.empty(3)
-    a[0] = k[9] + k[13] * r[2] - k[14] * r[1] + wx * w_r - r[0] * w_w
-    a[1] = k[10] + k[14] * r[0] - k[12] * r[2] + wy * w_r - r[1] * w_w
-    a[2] = k[11] + k[12] * r[1] - k[13] * r[0] + wz * w_r - r[2] * w_w
-    P = np.empty((3, n))
-    for j in range(n):
-        P[0, j] = A[0, j] + A[4, j] * r[2] - A[5, j] * r[1]
-        P[1, j] = A[1, j] + A[5, j] * r[0] - A[3, j] * r[2]
-        P[2, j] = A[2, j] + A[3, j] * r[1] - A[4, j] * r[0]
-        for c in range(3):
-            a[c] += P[c, j] * qdd[j]
-    for c in range(3):
-        pull = -w * w * u[c] - 2.0 * d * w * u[3 + c] - a[c]
-        u[3 + c] += h * pull
-        u[c] += h * u[3 + c]
-        for j in range(n):
-            Q[j] -= m * P[c, j] * pull
-
-
-@fast
-def _base(head, gravity, qdd, A, k, h, b, out):  # type: ignore[no-untyped-def]
-    """A base frame that gives way horizontally: advance b (offset, rate, acceleration filtered; 6)."""
-    n = qdd.shape[0]
-    w, d = head[lay.H_BASE_W], head[lay.H_BASE_D]
-    for c in range(2):
-        a = k[9 + c]
-        for j in range(n):
-            a += A[c, j] * qdd[j]
-        pull = -w * w * b[c] - 2.0 * d * w * b[2 + c] - head[lay.H_BASE_RATIO] * a
-        b[2 + c] += h * pull
-        b[c] += h * b[2 + c]
-        b[4 + c] += (pull - b[4 + c]) * min(1.0, 500.0 * h)
-        out[c] = gravity[c] - b[4 + c]
-
-
-@fast
-def _pushed(head, t, A, k, Q):  # type: ignore[no-untyped-def]
-    """Forces on the platform origin that nobody told the rig of."""
-    f = np.zeros(3)
-    if head[lay.H_PUSH_F] != 0.0:
-        x = head[lay.H_PUSH_F] * math.sin(head[lay.H_PUSH_W] * t + head[lay.H_PUSH_PHASE])
-        for c in range(3):
-            f[c] += x * head[lay.H_PUSH_X + c]
-    if head[lay.H_LOSS_F] != 0.0:
-        p = head[lay.H_LOSS_PHASE]
-        beat = math.sin(2.0 * math.pi * t / head[lay.H_LOSS_T1] + p)
-        beat += math.sin(2.0 * math.pi * t / head[lay.H_LOSS_T2] + 2.0 * p)
-        if beat > 0.8:
-            f[2] -= head[lay.H_LOSS_F]
-    for j in range(Q.shape[0]):
-        for c in range(3):
-            Q[j] += A[c, j] * f[c]
-
-
-@fast
-def _sense(R, A, k, gravity, imu, qdd, out):  # type: ignore[no-untyped-def]
-    """Rate and specific force at the IMU in its own axes into out (6,); imu: place, rotation (3, 9)."""
-    n = qdd.shape[0]
-    w, a, wd = np.empty(3), np.empty(3), np.empty(3)
-    r = np.empty(3)
-    for c in range(3):
-        w[c], a[c], wd[c] = k[6 + c], k[9 + c] - gravity[c], k[12 + c]
-        r[c] = R[c, 0] * imu[0] + R[c, 1] * imu[1] + R[c, 2] * imu[2]
-        for j in range(n):
-            a[c] += A[c, j] * qdd[j]
-            wd[c] += A[3 + c, j] * qdd[j]
-    w_r = w[0] * r[0] + w[1] * r[1] + w[2] * r[2]
-    w_w = w[0] ** 2 + w[1] ** 2 + w[2] ** 2
-    for c in range(3):
-        p, q = (c + 1) % 3, (c + 2) % 3
-        a[c] += wd[p] * r[q] - wd[q] * r[p] + w[c] * w_r - r[c] * w_w
-    for c in range(3):
-        out[c] = 0.0
-        out[3 + c] = 0.0
-        for b in range(3):
-            turn = imu[3 + 3 * b + c]
-            for e in range(3):
-                out[c] += turn * R[e, b] * w[e]
-                out[3 + c] += turn * R[e, b] * a[e]
-
-
-@fast
+@compiled
 def _static_load(kind, geometry, body, legs, gravity, q, own, out):  # type: ignore[no-untyped-def]
     """Forces (n,) that hold the mechanism at q."""
     n = q.shape[0]
@@ -180,7 +88,7 @@ def _static_load(kind, geometry, body, legs, gravity, q, own, out):  # type: ign
     solve_square(T, out)
 
 
-@fast
+@compiled
 def _factor(M, L):  # type: ignore[no-untyped-def]
     """Lower Cholesky factor of M into L."""
     n = M.shape[0]
@@ -192,7 +100,7 @@ def _factor(M, L):  # type: ignore[no-untyped-def]
             L[a, b] = s / L[b, b] if b < a else math.sqrt(s)
 
 
-@fast
+@compiled
 def _back(L, x):  # type: ignore[no-untyped-def]
     """Solve L L^T x = x in place."""
     n = x.shape[0]
@@ -206,7 +114,7 @@ def _back(L, x):  # type: ignore[no-untyped-def]
         x[a] /= L[a, a]
 
 
-@fast
+@compiled
 def _put(act, st, q, filtered, t, row):  # type: ignore[no-untyped-def]
     """Outputs (4 n + 6,): what each drive reads, its speed, its force, the pose, the IMU's filter."""
     n = q.shape[0]
@@ -219,7 +127,7 @@ def _put(act, st, q, filtered, t, row):  # type: ignore[no-untyped-def]
         row[4 * n + c] = filtered[c]
 
 
-@fast
+@compiled
 def simulate(rig, start, events, samples, out):  # type: ignore[no-untyped-def]
     """Run from rest, H_SETTLE before instant 0; fills out (N,). False where the world diverged.
 
@@ -239,7 +147,7 @@ def simulate(rig, start, events, samples, out):  # type: ignore[no-untyped-def]
     bias, rho, jdqd, Q = np.empty(n), np.empty(n), np.empty(n), np.zeros(n)
     q, qd, qdd, rate = q0.copy(), np.zeros(n), np.zeros(n), np.zeros(n)
     gravity = level_gravity.copy()
-    mode, slosh, base = np.zeros(6), np.zeros(6), np.zeros(6)
+    mode, slosh, frame = np.zeros(6), np.zeros(6), np.zeros(6)
     filtered, filter_rate, sensed = np.zeros(6), np.zeros(6), np.zeros(6)
     load = np.empty(n)
     _static_load(kind, geometry, body, legs, gravity, q, own, load)
@@ -295,7 +203,7 @@ def simulate(rig, start, events, samples, out):  # type: ignore[no-untyped-def]
                 q_mid[a] = q[a] + ahead * qd[a]
                 qd_mid[a] = qd[a] + ahead * qdd[a]
             if head[lay.H_BASE_RATIO] != 0.0:
-                _base(head, level_gravity, qdd, own[1], own[2], FREEZE * h, base, gravity)
+                base(head, level_gravity, qdd, own[1], own[2], FREEZE * h, frame, gravity)
             terms_in(own, kind, geometry, body, legs, gravity, q_mid, qd_mid, M, bias, rho, J, jdqd)
             for i in range(n):  # from the middle of the kept steps back to now
                 for a in range(n):
@@ -304,12 +212,12 @@ def simulate(rig, start, events, samples, out):  # type: ignore[no-untyped-def]
             for a in range(n):
                 Q[a] = -bias[a]
             if head[lay.H_MODE_M] > 0.0:
-                _rider(head, lay.H_MODE_M, own[1], own[0], own[2], qdd, FREEZE * h, mode, Q)
+                rider(head, lay.H_MODE_M, own[1], own[0], own[2], qdd, FREEZE * h, mode, Q)
             if head[lay.H_SLOSH_M] > 0.0:
-                _rider(head, lay.H_SLOSH_M, own[1], own[0], own[2], qdd, FREEZE * h, slosh, Q)
-            _pushed(head, t, own[1], own[2], Q)
+                rider(head, lay.H_SLOSH_M, own[1], own[0], own[2], qdd, FREEZE * h, slosh, Q)
+            pushed(head, t, own[1], own[2], Q)
             if head[lay.H_IMU] != 0.0:
-                _sense(own[0], own[1], own[2], gravity, imu, qdd, sensed)
+                sense(own[0], own[1], own[2], gravity, imu, qdd, sensed)
         for i in range(n):
             _, slope = read_encoder(act, st, i, t)
             decay = math.exp(-act[lay.A_CURRENT_W, i] * h)
