@@ -125,20 +125,21 @@ class Cast:
         self._name = name
         self._log = (scratch / "log.txt").open("w+")
         self._endpoint = f"tcp/127.0.0.1:{free_port()}"
-        bus = f"hub:{scratch / 'bus.sock'}"
+        sockets = [scratch / f"bus{k or ''}.sock" for k in range(len(rig.can.urls))]
+        bus = ",".join(f"hub:{path}" for path in sockets)
         self._simulate = ["simulate", name, "--hub", "--can", bus, "--seed", str(seed)]
         self._daemon = ["run", name, "--can", bus, "--listen", self._endpoint]
         self._daemon += ["--runs", str(runs.resolve())]
         if mode is not None:
             self._daemon += ["--mode", mode.value]
-        self._socket = scratch / "bus.sock"
+        self._sockets = sockets
         self._processes: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> Cast:
         try:
             with err.status("starting rig and daemon (the first time, the model is compiled)"):
                 self._start(self._simulate)
-                self._wait(lambda: self._socket.exists(), "the simulated rig")
+                self._wait(lambda: all(s.exists() for s in self._sockets), "the simulated rig")
                 self._start(self._daemon)
         except BaseException:
             self.__exit__()

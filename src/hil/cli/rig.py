@@ -86,17 +86,17 @@ def simulate(
 
 
 async def _simulate(rig: RigFile, simulated: SimulatedRig, *, hub: bool) -> None:
-    url = rig.can.url
     async with contextlib.AsyncExitStack() as stack:
-        if hub:
-            if not url.startswith("hub:"):
-                raise typer.BadParameter(f"--hub serves hub:SOCKET_PATH, not {url}")
-            path = Path(url.removeprefix("hub:").partition("?")[0])
-            await stack.enter_async_context(Hub(path, rig.can.bitrate))
-        port = open_port(
-            f"{url}?node=rig" if url.startswith("hub:") else url, bitrate_bps=rig.can.bitrate
-        )
-        stack.callback(port.close)
+        ports = []
+        for url, bitrate in zip(rig.can.urls, rig.can.bitrates, strict=True):
+            if hub:
+                if not url.startswith("hub:"):
+                    raise typer.BadParameter(f"--hub serves hub:SOCKET_PATH, not {url}")
+                path = Path(url.removeprefix("hub:").partition("?")[0])
+                await stack.enter_async_context(Hub(path, bitrate))
+            named = f"{url}?node=rig" if url.startswith("hub:") else url
+            ports.append(open_port(named, bitrate_bps=bitrate))
+            stack.callback(ports[-1].close)
         request_fifo(PRIORITY - 10)  # below control; a rig that answers late would be a broken one
-        err.print(f"{rig.name} is simulated on {url}", soft_wrap=True)
-        await serve_until_signalled(simulated, port)
+        err.print(f"{rig.name} is simulated on {', '.join(rig.can.urls)}", soft_wrap=True)
+        await serve_until_signalled(simulated, *ports)

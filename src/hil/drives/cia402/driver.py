@@ -145,8 +145,9 @@ class Cia402Driver:
         elif frame.can_id == self.frames.tpdo:
             samples = self._on_values(now_s, frame.data)
         elif frame.can_id == self.frames.sdo_answer:
-            self._machine.answered(now_s, None)
-            self.sdo.on_answer(frame.data)
+            if self._machine.phase is not DrivePhase.ABSENT:
+                self._machine.answered(now_s, None)
+                self.sdo.on_answer(frame.data)
         elif frame.can_id == self.frames.emcy:
             self._on_emergency(now_s, frame.data)
         else:
