@@ -20,7 +20,7 @@ from hil.gap.problem import Problem
 
 Array = NDArray[np.float64]
 
-TOGETHER_FROM: Final = 4
+TOGETHER_FROM: Final = 3
 """Actuators from which on one replay serves a column of all of them."""
 AT_ONCE: Final = 16
 
@@ -67,8 +67,9 @@ def fill_bank(problem: Problem, vector: Array, base: Array, leaves: Sequence[Lea
     groups: dict[object, list[_Wanted]] = {}
     together = len(problem.rig.actuators) >= TOGETHER_FROM
     for w in replayed:
+        own = _own_signal(w)
         shared = together and w.actuator is not None
-        groups.setdefault(w.key if shared else w.column, []).append(w)
+        groups.setdefault(w.key if shared or own is not None else w.column, []).append(w)
     rows = list(groups.values())
     for first in range(0, len(rows), AT_ONCE):
         some = rows[first : first + AT_ONCE]
@@ -79,8 +80,9 @@ def fill_bank(problem: Problem, vector: Array, base: Array, leaves: Sequence[Lea
                 if len(group) == 1:
                     out[:, w.column] = change
                     continue
+                own = _own_signal(w)
                 for x in problem.series:
-                    if x.actuator == w.actuator:
+                    if x.signal == own or (own is None and x.actuator == w.actuator):
                         out[x.part, w.column] = change[x.part]
     return Bank(tuple(leaves), out, tuple(places))
 
@@ -108,25 +110,30 @@ ABSOLUTE: Final = ("limit", "velocity", "displacement", "period", "phase", "gap"
 
 
 def _sensor_column(problem: Problem, w: _Wanted, base: Array, out: Array) -> bool:
-    """Fill the column of a bias, scale or latency of one signal or of the IMU; False for all others."""
+    """Fill the column of a bias or scale of one signal or of the IMU; False for all others."""
     if len(w.changes) != 1:
         return False
     ((name, value),) = w.changes.items()
     place, _, parameter = name.rpartition(".")
     signal, _, effect = place.rpartition(".")
-    if effect not in ("sensor_bias", "sensor_scale", "sensor_latency"):
+    if effect not in ("sensor_bias", "sensor_scale"):
         return False
     for x in problem.series:
         if x.signal != signal and not (signal == "imu" and x.actuator == "imu"):
             continue
-        now, t = base[x.part], problem.t_s[x.part]
+        now = base[x.part]
         if parameter == "offset":
             out[x.part, w.column] = value
-        elif parameter == "scale":
-            out[x.part, w.column] = (value - 1.0) * (now - _centre(problem, x.signal))
         else:
-            out[x.part, w.column] = -value * np.gradient(now, t)
+            out[x.part, w.column] = (value - 1.0) * (now - _centre(problem, x.signal))
     return True
+
+
+def _own_signal(w: _Wanted) -> str | None:
+    """The signal that a column changes alone, where it is the latency of one."""
+    name = next(iter(w.changes))
+    signal = name.removesuffix(".sensor_latency.delay")
+    return signal if signal != name and signal != "imu" else None
 
 
 def _centre(problem: Problem, signal: str) -> float:

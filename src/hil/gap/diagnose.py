@@ -1,8 +1,14 @@
-"""Which effect makes the gap: candidates proposed, fitted, weighed, and scored on data held out."""
+"""Which effect makes the gap: candidates proposed, fitted through the twin, weighed, scored on held-out data.
+
+The steps: locate the gap (after the nuisances, calibrated on healthy references where there are any); what
+every candidate would do to every sample; the candidates, alone and together, that could explain it; fits of
+the best of them; evidence, classes, the chance that it is nothing in the catalogue; shrink on data that no
+fit has seen. docs/gap.md says why each is done so.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -11,24 +17,44 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hil.config import RigFile
-from hil.gap.bank import fill_bank
-from hil.gap.diagnosis import Cause, Diagnosis, Held
-from hil.gap.evidence import Weighed, classes, weigh
-from hil.gap.fit import Calibrated, Fit, calibrated, changes_of, fit
+from hil.gap.bank import Bank, fill_bank
+from hil.gap.diagnosis import Cause, Diagnosis, ParameterValue
+from hil.gap.evidence import Weighed, classes, temper, weigh
+from hil.gap.fit import Calibrated, Fit, calibrated, changes_of, fit, huber
+from hil.gap.frames import EFFECT as LOST
+from hil.gap.frames import fit_lost_frames
 from hil.gap.heldout import score, split, touched
-from hil.gap.leaves import Leaf, find_leaves
-from hil.gap.locate import locate
+from hil.gap.leaves import Leaf, Start, find_leaves
+from hil.gap.locate import RATIO, locate
 from hil.gap.nuisances import Nuisance, default_nuisances
+from hil.gap.problem import Problem
+from hil.gap.residual import Refit
 from hil.gap.result import Located
+from hil.gap.rounding import coarse_steps
 from hil.gap.runs import as_runs
 from hil.gap.search import Proposal, Search
 from hil.runs import Run
 
 Array = NDArray[np.float64]
+Report = Callable[[str], None]
 
-FITTED: Final = 6
-"""Single candidates that are fitted through the twin."""
+SINGLES: Final = 6
+"""Candidates that are fitted alone."""
+WORTH: Final = 0.12
+"""Of the best linear gain, below which no candidate is fitted."""
 PAIRS: Final = 3
+LEFT: Final = 1.35
+"""Floors on any signal from which on more than one effect is looked for."""
+EXPLAINED: Final = 0.78
+"""Share of the gap's energy that a verdict must explain, half of the time [set on training cases]."""
+SOFT: Final = 0.06
+SURE: Final = 0.8
+"""Probability from which on one candidate is the verdict."""
+VISIBLE: Final = 0.3
+"""Floors that a candidate of a usual size must show on some signal to be judged at all."""
+CI: Final = 1.645
+WIDEN: Final = 1.5
+"""Of intervals: the twin's laws are not the rig's [set on training cases]."""
 
 
 def diagnose(
@@ -38,34 +64,336 @@ def diagnose(
     references: Run | pd.DataFrame | Iterable[Run | pd.DataFrame] = (),
     without: Collection[str] = (),
     seed: int = 0,
+    report: Report | None = None,
 ) -> Diagnosis:
-    """Diagnose the gap."""
+    """Diagnose the gap between `runs` (Run objects or pandas frames) and the twin of `rig`.
+
+    `references`: healthy runs of the same rig, on which the nuisances are calibrated first, so that the
+    answer is what has changed since. `without`: effects that must not be considered. `report` is told
+    each step. Equal `seed`, equal answer. IdentificationError where the data cannot carry an answer.
+    """
+    say = report or (lambda _: None)
     loaded = as_runs(runs, rig)
     healthy = as_runs(references, rig)
-    nuisances = _calibration(healthy, rig, seed) if healthy else None
+    nuisances = None
+    if healthy:
+        say("calibrating on the healthy references")
+        nuisances = _calibration(healthy, rig, seed)
+    say("locating the gap")
     located = locate(loaded, rig, nuisances=nuisances, seed=seed)
-    return explain(located, nuisances, without, seed)
+    return explain(located, nuisances, without=without, seed=seed, report=say)
 
 
-def explain(located, nuisances, without=(), seed=0):
+def _calibration(healthy: Sequence[Run], rig: RigFile, seed: int) -> list[Nuisance]:
+    """Nuisances as the references leave them: where they stand, and as wide as they may still drift."""
+    found = locate(healthy, rig, seed=seed)
+    e = found.evidence
+    by_name = {n.name: n for n in default_nuisances(rig, e.problem.signals, e.timing.delays_s)}
+    out = []
+    for f in found.nuisances:
+        n = by_name[f.name]
+        out.append(replace(n, mean=f.change, sd=float(np.hypot(f.sd, DRIFT * n.sd))))
+    return out
+
+
+DRIFT: Final = 0.25
+"""Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
+
+
+def explain(
+    located: Located,
+    nuisances: Sequence[Nuisance] | None = None,
+    *,
+    without: Collection[str] = (),
+    seed: int = 0,
+    report: Report | None = None,
+) -> Diagnosis:
+    """The diagnosis of what `locate` found, whose `nuisances` are given."""
+    say = report or (lambda _: None)
     e = located.evidence
     problem = e.problem
-    rng = np.random.default_rng(seed + 1)
-    train, held_text = split(problem, list(range(len(problem.pieces))))
+    train, held_out = split(problem, _run_numbers(problem))
     chosen = nuisances or default_nuisances(problem.rig, problem.signals, e.timing.delays_s)
-    from hil.gap.residual import Refit
-
+    steps = {} if "sensor_quantisation" in without else coarse_steps(problem)
+    if not (located.is_gap or steps or _strained(located)):
+        return _no_gap(located, held_out)
     c = calibrated(problem, e.noise, chosen, Refit(e.vector, e.residual, e.jacobian, ()), train)
     none = fit(c, (), {})
-    base = problem.measured - none.residual
-    leaves = find_leaves(problem, none.vector, none.residual, without)
-    bank = fill_bank(problem, none.vector, base, leaves)
+    if none is None:
+        raise AssertionError("the calibrated twin stood a moment ago")
     c = replace(c, vector=none.vector, residual=none.residual, white=none.white, z=none.z)
+    say("computing what each candidate would do")
+    leaves = find_leaves(problem, none.vector, none.residual, without)
+    bank = fill_bank(problem, none.vector, problem.measured - none.residual, leaves)
     search = Search(c, bank)
-    alone = search.alone()
-    singles = {}
-    for p in alone[:FITTED]:
-        f = fit(c, [leaves[p.leaves[0]]], changes_of([leaves[p.leaves[0]]], p.starts, problem))
-        if f is not None:
-            singles[p.leaves[0]] = (p, f)
-    return c, none, leaves, bank, search, alone, singles
+    fits = [none, *_single_fits(c, none, search, leaves, without, steps, say)]
+    fits += _joint_fits(c, fits, search, leaves, say)
+    return _answer(located, c, none, fits, bank, ~train, held_out, seed)
+
+
+def _run_numbers(problem: Problem) -> list[int]:
+    names = [p.name.partition(" (")[0] for p in problem.pieces]
+    order = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    return [order[n] for n in names]
+
+
+def _strained(located: Located) -> bool:
+    """Whether a nuisance had to go further than calibrations do."""
+    return any(n.at_bound or abs(n.change) > 2.6 * n.prior_sd for n in located.nuisances)
+
+
+def _no_gap(located: Located, held_out: str) -> Diagnosis:
+    return Diagnosis(
+        located, "no_gap", located.sentence, (), (), 0.0, None, None, held_out, (), None, None, None
+    )
+
+
+def _single_fits(
+    c: Calibrated,
+    none: Fit,
+    search: Search,
+    leaves: Sequence[Leaf],
+    without: Collection[str],
+    steps: dict[str, float],
+    say: Report,
+) -> list[Fit]:
+    proposals = search.alone()
+    top = proposals[0].gain
+    out = []
+    for k, p in enumerate(proposals[:SINGLES]):
+        if p.gain < max(WORTH * top, 3.0):
+            break
+        leaf = leaves[p.leaves[0]]
+        say(f"fitting {leaf.name} ({k + 1})")
+        found = fit(c, [leaf], changes_of([leaf], p.starts, c.problem))
+        if found is not None:
+            out.append(found)
+    if LOST not in without:
+        say("looking for lost frames")
+        lost = fit_lost_frames(c, none)
+        if lost is not None:
+            out.append(lost)
+    out += [_rounded(c, none, signal, step) for signal, step in steps.items()]
+    return out
+
+
+def _rounded(c: Calibrated, none: Fit, signal: str, step: float) -> Fit:
+    """The twin whose `signal` comes in steps; values on a grid cannot be chance, so they earn by count."""
+    name = f"{signal}.sensor_quantisation.step"
+    leaf = Leaf("sensor_quantisation", signal, (name,), (Start({}, ({name: step},)),), None)
+    vector = np.array(none.vector)
+    vector[c.problem.table.index(name)] = step
+    residual = c.problem.measured - c.problem.answers(vector)[0]
+    count = sum(int(c.train[x.part].sum()) for x in c.problem.series if x.signal == signal)
+    return replace(
+        none, leaves=(leaf,), names=(name,), values=np.array([step]), search_sd=np.array([1e-3 * step]),
+        vector=vector, residual=residual, white=c.noise.whiten(c.problem, residual),
+        extra_cost=-5.0 * count,
+    )  # fmt: skip
+
+
+def _joint_fits(
+    c: Calibrated, fits: Sequence[Fit], search: Search, leaves: Sequence[Leaf], say: Report
+) -> list[Fit]:
+    """Pairs and triples, where the best single or pair leaves something."""
+    out: list[Fit] = []
+    index = {leaf.name: k for k, leaf in enumerate(leaves)}
+    ranked = sorted(fits[1:], key=lambda f: f.cost(c.train) + f.prior_cost + f.extra_cost)
+    heads = [f for f in ranked if f.leaves[0].name in index][:2]
+    for size in (2, 3):
+        if not heads or _largest_ratio(c, heads[0]) < LEFT:
+            break
+        proposals: dict[tuple[int, ...], Proposal] = {}
+        for head in heads:
+            fixed = tuple(index[leaf.name] for leaf in head.leaves)
+            others = Search(c, search.bank, head.white).with_others((), range(len(leaves)))
+            for p in [q for q in others if q.leaves[0] not in fixed][: PAIRS + 1]:
+                key = tuple(sorted((*fixed, p.leaves[0])))
+                if key not in proposals:
+                    found = search.set_of((*fixed, p.leaves[0]))
+                    if found is not None:
+                        proposals[key] = found
+        new = []
+        best = sorted(proposals.values(), key=lambda p: -p.gain)[: PAIRS + 2 - size]
+        for p in best:
+            some = [leaves[k] for k in p.leaves]
+            if len({leaf.actuator for leaf in some} | {leaf.effect for leaf in some}) == 0:
+                continue
+            say("fitting " + " + ".join(leaf.name for leaf in some))
+            start = changes_of(some, p.starts, c.problem)
+            head = next((h for h in heads if all(x in some for x in h.leaves)), None)
+            if head is not None:
+                known = dict(zip(head.names, head.values.tolist(), strict=True))
+                start = {**start, **_relative(c, known)}
+            found = fit(c, some, start)
+            if found is not None:
+                new.append(found)
+        out += new
+        heads = sorted(new, key=lambda f: f.cost(c.train) + f.prior_cost)[:1]
+    return out
+
+
+def _relative(c: Calibrated, known: dict[str, float]) -> dict[str, float]:
+    """Values of fitted parameters as starts give them: for a twin without effects."""
+    from hil.gap.bank import ABSOLUTE
+
+    out = {}
+    for name, value in known.items():
+        p = c.problem.table[name]
+        i = c.problem.table.index(name)
+        if p.search == "linear" and np.isfinite(p.neutral) and p.parameter not in ABSOLUTE:
+            value = value - float(c.vector[i]) + p.neutral
+        out[name] = value
+    return out
+
+
+def _largest_ratio(c: Calibrated, f: Fit) -> float:
+    """Largest root mean square residual of a signal on training samples, in its floor."""
+    floors = c.noise.floor(c.problem)
+    worst = 0.0
+    for signal in c.problem.signals:
+        total, count = 0.0, 0
+        for x in c.problem.series:
+            if x.signal == signal:
+                r = f.residual[x.part][c.train[x.part]]
+                total += float(r @ r)
+                count += len(r)
+        if count:
+            worst = max(worst, float(np.sqrt(total / count)) / floors[signal])
+    return worst
+
+
+def explained(c: Calibrated, none: Fit, f: Fit) -> float:
+    """Share of the whitened gap above the noise that a fit takes away on training samples, 0..1."""
+    before = float(np.sum(np.minimum(none.white[c.train] ** 2, 400.0)))
+    after = float(np.sum(np.minimum(f.white[c.train] ** 2, 400.0)))
+    noise = float(np.sum(c.noise.whiten(c.problem, c.noise.draws.T)[c.train] ** 2)) / len(
+        c.noise.draws
+    )
+    return float(np.clip((before - after) / max(before - noise, 0.02 * noise), 0.0, 1.0))
+
+
+def _answer(
+    located: Located,
+    c: Calibrated,
+    none: Fit,
+    fits: Sequence[Fit],
+    bank: Bank,
+    held: NDArray[np.bool_],
+    held_out: str,
+    seed: int,
+) -> Diagnosis:
+    weighed, worth = weigh(c, fits)
+    named = [w for w in weighed if w.fit.leaves]
+    if not named or not weighed[0].fit.leaves:
+        return replace(_no_gap(located, held_out), not_excited=not_excited(c, bank))
+    best = named[0].fit
+    share = explained(c, none, best)
+    unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
+    ratio = _largest_ratio(c, best)
+    if ratio < 1.3:
+        unknown *= 0.3
+    rng = np.random.default_rng(seed + 2)
+    causes = _causes(c, none, weighed, worth, unknown, held, rng)
+    chosen = tuple(
+        next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
+        for leaf in best.leaves
+    )
+    signals = touched(c, none, best) or c.problem.signals
+    part = score(c, none, best, held, signals, rng)
+    whole = score(c, none, best, held, c.problem.signals, rng)
+    verdict, sentence = _verdict(chosen, causes, unknown, part.shrink)
+    return Diagnosis(
+        located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
+        part, whole, held_out, not_excited(c, bank), best, none, c,
+    )  # fmt: skip
+
+
+def _causes(
+    c: Calibrated,
+    none: Fit,
+    weighed: Sequence[Weighed],
+    worth: dict[str, float],
+    unknown: float,
+    held: NDArray[np.bool_],
+    rng: np.random.Generator,
+) -> tuple[Cause, ...]:
+    """Every leaf that was fitted, with its probability over all sets that hold it, best first."""
+    singles = {w.fit.leaves[0].name: w for w in weighed if len(w.fit.leaves) == 1}
+    best = weighed[0].fit
+    zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
+    probability: dict[str, float] = {}
+    source: dict[str, Weighed] = {}
+    for w in weighed:
+        for leaf in w.fit.leaves:
+            probability[leaf.name] = probability.get(leaf.name, 0.0) + w.probability
+            source.setdefault(leaf.name, w)
+    several = len(best.leaves) > 1
+    heads = [source[n].fit if several or n not in singles else singles[n].fit for n in source]
+    groups = dict(zip(source, classes(c, heads), strict=True))
+    mean_worth = float(np.mean(list(worth.values())))
+    out = []
+    for name, w in source.items():
+        leaf = next(x for x in w.fit.leaves if x.name == name)
+        signals = touched(c, none, w.fit) or c.problem.signals
+        shrink = score(c, none, w.fit, held, signals, rng).shrink
+        out.append(
+            Cause(
+                leaf.effect, leaf.location, probability[name] * (1.0 - unknown), groups[name],
+                _parameters(c, w.fit, leaf, mean_worth), shrink, w.log_evidence - zero, w.fit,
+            )
+        )  # fmt: skip
+    return tuple(sorted(out, key=lambda x: -x.probability))
+
+
+def _parameters(c: Calibrated, f: Fit, leaf: Leaf, worth: float) -> dict[str, ParameterValue]:
+    out = {}
+    for name, value, sd in zip(f.names, f.values, f.search_sd, strict=True):
+        if name not in leaf.parameters:
+            continue
+        p = c.problem.table[name]
+        x, half = p.to_search(float(value)), CI * WIDEN * float(sd) * np.sqrt(worth)
+        ends = sorted((p.from_search(x - half), p.from_search(x + half)))
+        out[p.parameter] = ParameterValue(
+            float(value), (max(ends[0], p.lower), min(ends[1], p.upper)), p.unit, name in f.at_bound
+        )
+    return out
+
+
+def _verdict(
+    chosen: Sequence[Cause], causes: Sequence[Cause], unknown: float, shrink: float | None
+) -> tuple[str, str]:
+    names = " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in chosen)
+    if unknown > 0.5:
+        return "unknown", (
+            f"A gap that nothing in the catalogue explains; the nearest is {names}, which leaves too much."
+        )
+    far = (
+        "" if shrink is None else f" It takes {100.0 * shrink:.0f} % of the gap off held-out data."
+    )
+    if min(x.probability for x in chosen) / (1.0 - unknown) >= SURE:
+        return "identified", f"The gap comes from {names}.{far}"
+    others = [x for x in causes if x not in chosen and x.probability > 0.05]
+    rest = ", ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in others[:3])
+    return "ambiguous", (
+        f"The gap comes most likely from {names}; these data cannot rule out {rest}.{far}"
+    )
+
+
+def not_excited(c: Calibrated, bank: Bank) -> tuple[str, ...]:
+    """Candidates that at a usual size would change no signal visibly on these data."""
+    floors = c.noise.floor(c.problem)
+    out = []
+    for k, leaf in enumerate(bank.leaves):
+        worst = 0.0
+        for start in bank.places[k]:
+            for column in start:
+                for signal in c.problem.signals:
+                    parts = [
+                        bank.columns[x.part, column] for x in c.problem.series if x.signal == signal
+                    ]
+                    size = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+                    worst = max(worst, size / floors[signal])
+        if worst < VISIBLE:
+            out.append(leaf.name)
+    return tuple(out)

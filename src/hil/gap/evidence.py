@@ -90,7 +90,7 @@ def log_evidence(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
         rows = c.train[x.part]
         data += float(np.sum(huber(f.white[x.part][rows]))) / worth[x.signal]
     mean = float(np.mean(list(worth.values())))
-    total = -data / TEMPER - f.prior_cost
+    total = -data / TEMPER - f.prior_cost - f.extra_cost
     for name, sd in zip(f.names, f.search_sd, strict=True):
         p = c.problem.table[name]
         x = p.to_search(float(f.values[f.names.index(name)]))

@@ -68,6 +68,8 @@ class Fit:
     z: Array
     """(K,) nuisances."""
     at_bound: tuple[str, ...]
+    extra_cost: float = 0.0
+    """Nats of freedom that is in no parameter, such as which frames were lost."""
 
     def cost(self, train: Mask) -> float:
         """Robust half sum of squares over `train` samples."""

@@ -22,9 +22,13 @@ from hil.gap.problem import Problem
 Array = NDArray[np.float64]
 Changes = Mapping[str, float]
 
-SATURATED: Final = (0.9, 0.7, 0.5)
+SATURATED: Final = (0.94, 0.87, 0.78, 0.68, 0.55, 0.42)
 """Of the largest force or speed that the twin needs, where limits are looked for."""
-GAPS_M: Final = (5e-5, 3e-4)
+GAPS_M: Final = (5e-5, 1e-4, 2e-4, 4e-4, 8e-4)
+DELAYS_S: Final = (0.001, 0.002, 0.003, 0.0045, 0.006, 0.008, 0.01, 0.0125, 0.015, 0.02)
+"""Forces have the cycle of the setpoints in them, so a delay has a best value in each cycle."""
+STIFFNESS: Final = (4.0, 1.0, 0.25)
+"""Times the scale."""
 WIDTHS_M: Final = (2e-4, 2e-3, 1e-2)
 STRIBECK_M_S: Final = (0.003, 0.015, 0.06)
 
@@ -104,7 +108,8 @@ def _actuator(
         leaf("hysteresis", "force displacement",
              [({"displacement": x}, {"force": f}) for x in WIDTHS_M]),
         leaf("compliance", "stiffness damping",
-             [({"damping": d}, {"stiffness": scale("compliance", "stiffness")}) for d in (0.0, 2000.0)]),
+             [({"damping": 500.0}, {"stiffness": k * scale("compliance", "stiffness")})
+              for k in STIFFNESS]),
         leaf("actuator_inertia", "mass", [({}, {"mass": scale("actuator_inertia", "mass")})]),
         leaf("force_constant", "scale", [({}, {"scale": 1.05})]),
         leaf("loop_gain", "position speed integral",
@@ -124,7 +129,7 @@ def _actuator(
         )  # fmt: skip
     modes = {piece.mode for piece in problem.pieces}
     if "position" in modes:
-        out.append(leaf("transport_delay", "delay", [({}, {"delay": 1e-3})]))
+        out.append(leaf("transport_delay", "delay", [({}, {"delay": d}) for d in DELAYS_S]))
     out.append(leaf("position_offset", "offset", [({}, {"offset": 1e-3})]))
     lead = [({}, {"scale": 1.005})]
     lead += [({"period": p}, {"amplitude": 5e-5}) for p in lead_periods(problem, residual, name)]
@@ -135,14 +140,15 @@ def _actuator(
 def _sensor(signal: str, problem: Problem, actuator: str | None) -> list[Leaf]:
     table = problem.table
     values = {
-        "sensor_bias": ("offset", table[f"{signal}.sensor_bias.offset"].scale),
-        "sensor_scale": ("scale", 1.02),
-        "sensor_latency": ("delay", 1e-3),
+        "sensor_bias": ("offset", (table[f"{signal}.sensor_bias.offset"].scale,)),
+        "sensor_scale": ("scale", (1.02,)),
+        "sensor_latency": ("delay", DELAYS_S),
     }
     out = []
-    for effect, (parameter, value) in values.items():
+    for effect, (parameter, points) in values.items():
         name = f"{signal}.{effect}.{parameter}"
-        out.append(Leaf(effect, signal, (name,), (Start({}, ({name: value},)),), actuator))
+        starts = tuple(Start({}, ({name: v},)) for v in points)
+        out.append(Leaf(effect, signal, (name,), starts, actuator))
     return out
 
 
@@ -177,7 +183,9 @@ def _platform(problem: Problem) -> list[Leaf]:
     for channel in channels:
         out += _sensor(channel, problem, None)
     if channels:
-        linear("sensor_latency", "imu", ("delay",))
+        late = "imu.sensor_latency.delay"
+        starts = tuple(Start({}, ({late: d},)) for d in DELAYS_S)
+        out.append(Leaf("sensor_latency", "imu", (late,), starts, None))
         linear("sensor_scale", "imu", ("scale",))
         linear("sensor_misalignment", "imu", "xyz")
         linear("clock_drift", "imu", ("rate",))

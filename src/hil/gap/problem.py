@@ -88,8 +88,7 @@ class Problem:
                 count = len(piece.samples[name][0])
                 series.append(Series(name, s, slice(size, size + count)))
                 size += count
-            stamps = {name: piece.samples[name][0] for name in signals}
-            self.jobs.append(self._job(piece, smooth, stamps))
+            self.jobs.append(self.job(piece))
         self.series: tuple[Series, ...] = tuple(series)
         if not series:
             raise IdentificationError(
@@ -107,6 +106,11 @@ class Problem:
                 f"{', '.join(p.name for p in pieces)}: nothing moved by {1e3 * LOOSE:g} mm or mrad: there is "
                 "nothing to judge a twin by"
             )
+
+    def job(self, piece: Stretch) -> Replay:
+        """A stretch packed for the twin, answering its judged signals at their instants."""
+        stamps = {name: piece.samples[name][0] for name in judged(self.rig, piece)}
+        return self._job(piece, self.smooth, stamps)
 
     def _job(self, piece: Stretch, smooth: bool, stamps: Mapping[str, Array]) -> Replay:
         missing = [

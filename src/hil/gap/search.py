@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from hil.gap.bank import Bank
 from hil.gap.fit import Calibrated
@@ -28,7 +29,7 @@ RIDGE: Final = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A set of leaves with their starts and amplitudes, and what it would take off half the sum of squares."""
+    """A set of leaves with starts and amplitudes, and what it would take off half the sum of squares."""
 
     leaves: tuple[int, ...]
     starts: tuple[tuple[int, Array], ...]
@@ -76,8 +77,7 @@ class Search:
             size = np.sqrt(np.maximum(np.diag(G), 1e-12))
             b = self.inner[index] / size
             scaled = G / np.outer(size, size) + RIDGE * np.eye(len(index))
-            a = np.linalg.solve(scaled, b)
-            a, gain = self._signed(leaves, starts, columns, scaled, b, a / size, size)
+            a, gain = self._bounded(leaves, columns, scaled, b, size)
             if best is None or gain > best.gain:
                 parts, k = [], 0
                 for s, c in zip(starts, columns, strict=True):
@@ -86,41 +86,37 @@ class Search:
                 best = Proposal(leaves, tuple(parts), gain)
         return best
 
-    def _signed(
+    def _bounded(
         self,
         leaves: Sequence[int],
-        starts: Sequence[int],
         columns: Sequence[Sequence[int]],
         scaled: Array,
         b: Array,
-        a: Array,
         size: Array,
     ) -> tuple[Array, float]:
-        """Amplitudes with those of one-sided effects kept on their side, and the gain they have."""
-        keep = np.ones(len(a), dtype=bool)
+        """Amplitudes within what each effect allows, and the gain they have."""
+        lower, upper = np.full(len(b), -np.inf), np.full(len(b), np.inf)
         k = 0
-        for leaf, _, cols in zip(leaves, starts, columns, strict=True):
-            one_sided = self.bank.leaves[leaf].effect in ONE_SIDED
-            for _ in cols:
-                if one_sided and a[k] < 0.0:
-                    keep[k] = False
-                k += 1
-        if not keep.all():
-            a = np.zeros(len(a))
-            if keep.any():
-                inner = np.linalg.solve(scaled[np.ix_(keep, keep)], b[keep])
-                a[keep] = np.maximum(inner, 0.0) / size[keep]
+        for leaf, cols in zip(leaves, columns, strict=True):
+            effect = self.bank.leaves[leaf].effect
+            part = slice(k, k + len(cols))
+            if effect in NEAR:
+                lower[part], upper[part] = NEAR_RANGE
+            elif effect in ONE_SIDED:
+                lower[part] = 0.0
+            k += len(cols)
+        a = np.linalg.solve(scaled, b) / size
+        if np.any(a < lower) or np.any(a > upper):
+            root = np.linalg.cholesky(scaled)
+            aim = np.linalg.solve(root, b)
+            a = lsq_linear(root.T, aim, (lower * size, upper * size), method="bvls").x / size
         s = a * size
         return a, float(b @ s - 0.5 * s @ scaled @ s)
 
 
-ONE_SIDED: Final = frozenset(
-    {
-        "backlash",
-        "compliance",
-        "hysteresis",
-        "load_friction",
-        "force_saturation",
-        "velocity_saturation",
-    }
+ONE_SIDED: Final = frozenset({"compliance", "hysteresis", "load_friction"})
+NEAR: Final = frozenset(
+    {"backlash", "force_saturation", "velocity_saturation", "transport_delay", "sensor_latency"}
 )
+"""Effects that grow in no proportion to their parameter: only near a start is its column what they do."""
+NEAR_RANGE: Final = (0.8, 1.25)

@@ -1,0 +1,124 @@
+"""Frames that never arrived: setpoints by what each would have changed, answers by the slots left empty.
+
+Which setpoints were lost is not in a record, but each lost one leaves a mark of its own: the drive holds
+where the line would have gone on. The twin is asked for that mark, every so many frames at once; a frame
+counts as lost where the record has its mark rather than the twin's own motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.fit import HUBER, Calibrated, Fit, huber
+from hil.gap.leaves import Leaf, Start
+from hil.gap.problem import Problem, run_all
+from hil.identify.replay import Stretch
+
+Array = NDArray[np.float64]
+Lost = dict[str, NDArray[np.int64]]
+
+EVERY: Final = 12
+"""Marks of frames so far apart do not reach each other."""
+REACH: Final = 10
+"""Cycles over which a mark is looked for."""
+ODDS: Final = 6.0
+"""Nats that a frame's mark must earn: few frames are lost."""
+FEWEST: Final = 4
+EFFECT: Final = "lost_frames"
+SETPOINTS: Final = "bus.lost_frames.setpoints"
+ANSWERS: Final = "bus.lost_frames.answers"
+
+
+def lost_answers(problem: Problem) -> float:
+    """Share of the drives' answers that are missing, by the gaps in their rows."""
+    missing, told = 0.0, 0.0
+    for x in problem.series:
+        if x.actuator == "imu":
+            continue
+        steps = np.diff(problem.t_s[x.part])
+        usual = float(np.median(steps))
+        slots = np.round(steps / usual)
+        missing += float(np.sum(np.maximum(slots - 1.0, 0.0)[slots < 10.0]))
+        told += float(np.sum(slots[slots < 10.0]))
+    return missing / max(told, 1.0)
+
+
+def fit_lost_frames(c: Calibrated, none: Fit) -> Fit | None:
+    """The twin without the setpoints that this record says were lost; None where there are hardly any."""
+    problem = c.problem
+    if any(p.mode != "position" for p in problem.pieces) or problem.rig.bus.cycle < 2e-3:
+        return None
+    lost = _find(c, none)
+    count = sum(len(v) for one in lost for v in one.values())
+    if count < FEWEST:
+        return None
+    frames = sum(len(t) for p in problem.pieces for t, _ in p.setpoints.values())
+    dropped = Problem(
+        problem.rig,
+        [_without(p, one) for p, one in zip(problem.pieces, lost, strict=True)],
+        smooth=problem.smooth,
+        settle_s=problem.settle_s,
+    )
+    answer = dropped.answers(none.vector)[0]
+    if not np.all(np.isfinite(answer)):
+        return None
+    residual = problem.measured - answer
+    vector = np.array(none.vector)
+    share, missing = count / frames, lost_answers(problem)
+    vector[problem.table.index(SETPOINTS)] = share
+    leaf = Leaf(EFFECT, "bus", (SETPOINTS, ANSWERS), (Start({}, ()),), None)
+    sd = np.array([np.sqrt(share / frames), np.sqrt(max(missing, 1e-4) / frames)])
+    return replace(
+        none, leaves=(leaf,), names=(SETPOINTS, ANSWERS), values=np.array([share, missing]),
+        search_sd=sd, vector=vector, residual=residual, white=c.noise.whiten(problem, residual),
+        extra_cost=ODDS * count,
+    )  # fmt: skip
+
+
+def _find(c: Calibrated, none: Fit) -> list[Lost]:
+    problem = c.problem
+    base = problem.measured - none.residual
+    jobs = []
+    for first in range(EVERY):
+        for p in problem.pieces:
+            every = {a: np.arange(first, len(t), EVERY) for a, (t, _) in p.setpoints.items()}
+            jobs.append((problem.job(_without(p, every)), none.vector))
+    flat = run_all(jobs)
+    per = len(problem.pieces)
+    out: list[Lost] = [{} for _ in problem.pieces]
+    for a in problem.rig.actuator_names:
+        gains = [np.zeros(len(p.setpoints[a][0])) for p in problem.pieces]
+        for first in range(EVERY):
+            answer = np.concatenate(flat[first * per : (first + 1) * per])
+            mark = c.noise.whiten(problem, np.where(np.isfinite(answer), answer - base, 0.0))
+            gain = huber(none.white) - huber(none.white - mark)
+            gain[np.abs(mark) < 0.05 / HUBER] = 0.0
+            for x in problem.series:
+                if x.actuator != a:
+                    continue
+                sent = problem.pieces[x.stretch].setpoints[a][0][first::EVERY]
+                t = problem.t_s[x.part]
+                k = np.searchsorted(sent, t, side="right") - 1
+                ok = (k >= 0) & problem.kept[x.part]
+                ok &= t < sent[np.maximum(k, 0)] + REACH * problem.rig.bus.cycle
+                total = np.bincount(k[ok], gain[x.part][ok], minlength=len(sent))
+                gains[x.stretch][first::EVERY] += total
+        for s, g in enumerate(gains):
+            # of neighbours only the best: the mark of one frame looks a little like the next one's
+            best = (g > ODDS) & (g >= np.roll(g, 1)) & (g > np.roll(g, -1))
+            out[s][a] = np.flatnonzero(best)
+    return out
+
+
+def _without(piece: Stretch, lost: Lost) -> Stretch:
+    told = {}
+    for a, (t, v) in piece.setpoints.items():
+        keep = np.ones(len(t), dtype=bool)
+        keep[lost.get(a, np.empty(0, dtype=np.int64))] = False
+        keep[0] = True
+        told[a] = (t[keep], v[keep])
+    return replace(piece, setpoints=told)
