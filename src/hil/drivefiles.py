@@ -40,7 +40,7 @@ def load_eds(path: Path) -> ObjectDictionary:
     if not path.is_file():
         raise ConfigError(f"{path}: there is no EDS; the drive's maker has one, put it there")
     try:
-        found = od.import_od(str(path))
+        found = od.import_od(str(path), node_id=0)  # $NODEID counts from 0: relative
     except Exception as error:  # whatever the parser makes of a wrong file
         raise ConfigError(f"{path}: cannot be read as an EDS: {error}") from error
     entries: dict[tuple[int, int], ObjectEntry] = {}
@@ -70,4 +70,5 @@ def _entry(v: Any) -> ObjectEntry:
         v.default,
         v.min,
         v.max,
+        bool(v.relative),
     )

@@ -3,7 +3,8 @@
 It boots, serves its objects, sends and takes process data at SYNC, follows the CiA 402 state machine,
 watches its master's heartbeat, the ends of its stroke and its following error, homes, sends EMCY, and moves
 the plant in modes ip, csp, csv, cst. What the standards leave open is in the drive file's table
-`simulated`; stop reactions (hold at full force, then power off) are [M]. Pure: told the time, it gives frames and instants.
+`simulated`; stop reactions (hold at full force, then power off) are [M]. Pure: told the time, it gives frames
+and instants.
 """
 
 from __future__ import annotations

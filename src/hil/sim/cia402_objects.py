@@ -15,8 +15,6 @@ from hil.drives.cia402.configure import DISABLED
 from hil.drives.cia402.objects import Key, ObjectEntry
 from hil.drives.cia402.profile import Cia402Profile
 
-RELATIVE: Final = frozenset({0x1014, 0x1200, *range(0x1400, 0x1404), *range(0x1800, 0x1804)})
-"""Objects whose default counts from the node's number ($NODEID)."""
 PARAMETERS: Final = (*range(0x1400, 0x1404), *range(0x1800, 0x1804))
 MAPPINGS: Final = (*range(0x1600, 0x1604), *range(0x1A00, 0x1A04))
 PDO_BITS: Final = 64
@@ -46,7 +44,7 @@ class Objects:
             value = entry.default
             if value is None:
                 value = "" if entry.size is None else 0
-            if key[0] in RELATIVE and key[1] >= 1 and isinstance(value, int) and entry.size == 4:
+            if entry.is_relative and isinstance(value, int):
                 value += self._node
             self._values[key] = entry.encode(value)
         rated_mnm = self._actuator.drive.force_per_count * 1000.0 * 1000.0

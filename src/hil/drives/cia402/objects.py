@@ -41,6 +41,8 @@ class ObjectEntry:
     default: int | float | str | None = None
     low: int | None = None
     high: int | None = None
+    is_relative: bool = False
+    """Its default counts from the node's number ($NODEID)."""
 
     @property
     def readable(self) -> bool:
