@@ -1,0 +1,83 @@
+"""`hil reproduce`: the two papers that the project started from, played again on the simulated rigs."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.console import JsonFlag, err, out, write_json
+from hil.cli.options import profiles_of
+from hil.configfile import load_rig
+from hil.ui.reproduce import FAST, FULL, Report, motorcycle_report, stewart_report
+
+app = typer.Typer(
+    help="The papers again: their experiments on the simulated rigs, as one page beside what they show.",
+    no_args_is_help=True,
+)
+OutOption = Annotated[
+    Path | None, typer.Option("--out", help="The page; default reproduce_<paper>.html here.")
+]
+FastFlag = Annotated[
+    bool, typer.Option("--fast", help="Short experiments: a look at the page, wide intervals.")
+]
+KeepOption = Annotated[
+    Path | None,
+    typer.Option("--runs", help="Keep the recordings in this folder; default: nowhere."),
+]
+
+
+@app.command()
+def motorcycle(
+    out_html: OutOption = None,
+    fast: FastFlag = False,
+    runs: KeepOption = None,
+    json: JsonFlag = False,
+) -> None:
+    """ "Parameters Identification for Motorcycle Simulator's Platform Characterization", figures 3, 5–8."""
+    _reproduce(motorcycle_report, "motorcycle", "motorcycle", out_html, fast, runs, json)
+
+
+@app.command()
+def stewart(
+    out_html: OutOption = None,
+    fast: FastFlag = False,
+    runs: KeepOption = None,
+    json: JsonFlag = False,
+) -> None:
+    """ "Towards Simulating a Mid-size Stewart Platform on a Large Hexapod Simulator", figures 2, 4–8."""
+    _reproduce(stewart_report, "stewart", "stewart_pd", out_html, fast, runs, json)
+
+
+def _reproduce(
+    make: Callable[..., Report],
+    paper: str,
+    rig_name: str,
+    out_html: Path | None,
+    fast: bool,
+    runs: Path | None,
+    json: bool,
+) -> None:
+    rig = load_rig(rig_name)
+    page = out_html or Path(f"reproduce_{paper}.html")
+    with (
+        tempfile.TemporaryDirectory(prefix="hil-") as scratch,
+        err.status("playing the experiments") as status,
+    ):
+
+        def progress(text: str) -> None:
+            if err.is_terminal:
+                status.update(text)
+            else:
+                err.print(text, soft_wrap=True)
+
+        report = make(
+            rig, profiles_of(rig), page, runs or Path(scratch), FAST if fast else FULL, progress
+        )
+    if json:
+        write_json({"page": str(report.path), "facts": report.facts})
+    else:
+        out.print(str(report.path), markup=False, soft_wrap=True)
