@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 import tomlkit
 from pydantic import ValidationError
 
 from hil.config import AnyRig, BicycleFile, RigFile
 from hil.config.base import Settings
+from hil.config.bicycle import BICYCLE
 from hil.errors import ConfigError
 
 S = TypeVar("S", bound=Settings)
-
-BICYCLE: Final = "bicycle"
-"""Kind of the rigs that are ridden, not driven: theirs is another file, `BicycleFile`."""
 
 
 def data_folder(name: str) -> Path:

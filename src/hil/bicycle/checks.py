@@ -166,8 +166,8 @@ def _lag(a: Array, b: Array, dt_s: float) -> tuple[float, float]:
     for _ in range(4):
         back = np.interp(t + lag, t, b)
         slope = np.gradient(back)[inside]
-        size = float(slope @ slope)
-        if size == 0.0:
+        power = float(slope @ slope)
+        if power == 0.0:
             break
-        lag += float(slope @ (a - back)[inside]) / size
+        lag += float(slope @ (a - back)[inside]) / power
     return lag * dt_s, float(c[k] / scale)

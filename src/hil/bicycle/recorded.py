@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from hil.bicycle.sensors import IMU_SIGNALS
+from hil.bicycle.sensors import IMU_SIGNALS, Series, calibrated
 from hil.config import BicycleFile
 from hil.config.bicycle import SIGNALS
 from hil.errors import RunError
@@ -18,7 +18,6 @@ from hil.runs.importing.findings import Finding
 from hil.runs.importing.importer import EXTRA
 
 Array = NDArray[np.float64]
-Series = tuple[Array, Array]
 
 SHORTEST_S: Final = 2.0
 GAP_PERIODS: Final = 5.0
@@ -74,13 +73,7 @@ def prepare(run: Run, rig: BicycleFile) -> Ride:
         for s, z in zip(SIGNALS, zero, strict=True)
     ]
     columns[1] = columns[1] - columns[1][0]
-    bias = (*rig.sensors.gyro_bias, *rig.sensors.accel_bias)
-    scale = (1.0, 1.0, 1.0, *rig.sensors.accel_scale)
-    imu = {
-        s: (series[s][0], (series[s][1] - bias[k]) / scale[k])
-        for k, s in enumerate(IMU_SIGNALS)
-        if s in series
-    }
+    imu = calibrated({s: series[s] for s in IMU_SIGNALS if s in series}, rig.sensors)
     findings += _saturation(series["lean"], rig)
     return Ride(name, rig, start, dt, np.column_stack(columns), imu, tuple(findings))
 
@@ -111,7 +104,8 @@ def _rolled(series: Series, rig: BicycleFile, findings: list[Finding], source: s
     t, angle = series
     steps = np.diff(angle)
     typical = float(np.median(np.abs(steps))) + 2.0 * np.pi / rig.sensors.steps_per_turn
-    jumps = np.flatnonzero(np.abs(steps) > max(50.0 * typical, 1.0))
+    gap = np.diff(t) > GAP_PERIODS / rig.rate  # what happened there is told apart
+    jumps = np.flatnonzero((np.abs(steps) > max(50.0 * typical, 1.0)) & ~gap)
     if jumps.size:
         sizes = steps[jumps]
         if np.ptp(np.abs(sizes)) > 20.0 * typical + 0.2:

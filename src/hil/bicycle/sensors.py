@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from hil.config import BicycleFile
-from hil.config.bicycle import SIGNALS
+from hil.config.bicycle import SIGNALS, Sensors
 from hil.rigs.bicycle.parameters import rotation
 from hil.signals import IMU_QUANTITIES
 
 Array = NDArray[np.float64]
+
+Series = tuple[Array, Array]
+"""Instants and values."""
 
 IMU_SIGNALS: Final = tuple(f"imu.{q}" for q in IMU_QUANTITIES)
 
@@ -73,6 +76,27 @@ def through_filter(imu: Array, rig: BicycleFile, dt_s: float) -> Array:
     start = sosfilt_zi(sections)[:, :, None] * imu[0][None, None, :]
     out, _ = sosfilt(sections, imu, axis=0, zi=start)
     return np.asarray(out)
+
+
+def calibrated(series: Mapping[str, Series], sensors: Sensors) -> dict[str, Series]:
+    """IMU signals with bias, scale and squareness of the rig file taken out; stamps stay."""
+    bias = (*sensors.gyro_bias, *sensors.accel_bias)
+    scale = (1.0, 1.0, 1.0, *sensors.accel_scale)
+    out = {
+        s: (series[s][0], (series[s][1] - bias[k]) / scale[k])
+        for k, s in enumerate(IMU_SIGNALS)
+        if s in series
+    }
+    x, y, z = IMU_SIGNALS[3:]
+    cross = sensors.accel_cross
+    if any(cross) and {x, y, z} <= set(out):
+
+        def of(signal: str, at_s: Array) -> Array:
+            return np.asarray(np.interp(at_s, *out[signal]))
+
+        out[x] = (out[x][0], out[x][1] + cross[0] * of(y, out[x][0]) + cross[1] * of(z, out[x][0]))
+        out[y] = (out[y][0], out[y][1] + cross[2] * of(z, out[y][0]))
+    return out
 
 
 def noise_of(signal: str, rig: BicycleFile) -> tuple[float, float]:

@@ -14,6 +14,12 @@ from hil.bicycle.path import Path as RidePath
 from hil.bicycle.path import slalom, u_turns
 from hil.bicycle.recorded import Ride, prepare
 from hil.bicycle.simulated import save, simulate_ride
+from hil.cli.bicycle_record import (
+    calibrate_command,
+    nodes_command,
+    press_command,
+    record_command,
+)
 from hil.cli.console import JsonFlag, err, out, write_json
 from hil.config import BicycleFile
 from hil.configfile import find_rig_file, load_bicycle
@@ -27,6 +33,10 @@ app = typer.Typer(
     help="An instrumented bicycle: check its file, simulate, record, calibrate, analyse a ride.",
     no_args_is_help=True,
 )
+app.command("record")(record_command)
+app.command("nodes")(nodes_command)
+app.command("press")(press_command)
+app.command("calibrate")(calibrate_command)
 
 RigOption = Annotated[
     str | None,

@@ -8,7 +8,7 @@ so that a rider's usual xz element is negative.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -18,7 +18,10 @@ from hil.config.rig import Effect, Recording, Zenoh
 
 Vector4 = tuple[float, float, float, float]
 
-SIGNALS = ("lean", "rear_wheel", "steer")
+BICYCLE: Final = "bicycle"
+"""Kind of the rigs that are ridden, not driven, and source of their samples."""
+
+SIGNALS: Final = ("lean", "rear_wheel", "steer")
 """What the bicycle measures of its coordinates, rad."""
 
 
@@ -137,6 +140,10 @@ class Sensors(Settings):
     accel_bias: Vector3 = Field((0.0, 0.0, 0.0), description="of the IMU, m/s²")
     accel_scale: tuple[Positive, Positive, Positive] = Field(
         (1.0, 1.0, 1.0), description="of the IMU"
+    )
+    accel_cross: Vector3 = Field(
+        (0.0, 0.0, 0.0),
+        description="axes not square: x += cross[0] y + cross[1] z, y += cross[2] z, after bias and scale",
     )
     provenance: str = Field("", description="where zeros, biases and scales come from")
 

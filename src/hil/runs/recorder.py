@@ -19,7 +19,7 @@ from typing import Final
 from msgspec import Struct
 
 from hil.config import AnyRig
-from hil.configfile import BICYCLE
+from hil.config.bicycle import BICYCLE
 from hil.errors import RunError
 from hil.frames import StampedFrame
 from hil.messages import (

@@ -1,0 +1,244 @@
+"""Sets the sensors right from stretches at rest: zeros, gyroscope bias, accelerometer, mounting.
+
+Upright and steered straight the inclinometer and the steer encoder give their zeros, the gyroscope its bias.
+At rest an accelerometer feels g whatever its pose, so that nine poses or more give bias and scale of each
+axis and how square the axes are; fewer give what they can: a prior (0.3 m/s², 3 and 2 percent [M]) keeps the
+rest where it was.
+The first pose is the upright one; where gravity stands in it says how the sensor is tilted on the frame. Its
+turn about the vertical does not show at rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from hil.config import BicycleFile
+from hil.config.bicycle import Sensors
+from hil.errors import IdentificationError
+from hil.rigs.bicycle.parameters import rotation
+from hil.runs import Run
+from hil.signals import IMU_QUANTITIES
+
+Array = NDArray[np.float64]
+
+SHORTEST_S: Final = 1.0
+STILL_GYRO: Final = 3.0
+"""Of the gyroscope's noise: a window that spreads by less is at rest."""
+NEW_POSE: Final = 0.2
+"""rad between two gravity directions from which they are two poses."""
+BIAS_PRIOR, SCALE_PRIOR, CROSS_PRIOR = 0.3, 0.03, 0.02
+ENOUGH: Final = 9
+"""Poses that bias, scale and squareness of three axes need."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A stretch at rest: means over it."""
+
+    name: str
+    start_s: float
+    end_s: float
+    lean: float
+    steer: float
+    gyro: Array
+    accel: Array
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What was found, and how sure it is."""
+
+    sensors: Sensors
+    orientation: tuple[float, float, float]
+    poses: tuple[Pose, ...]
+    accel_sd: tuple[float, ...]
+    """Of the three biases (m/s2), scales and cross terms."""
+    residual: float
+    """Of |a| against g over the poses, m/s2 rms."""
+    notes: tuple[str, ...]
+
+    def applied(self, rig: BicycleFile) -> BicycleFile:
+        """`rig` with what was found."""
+        imu = rig.imu
+        if imu is not None:
+            imu = imu.model_copy(update={"orientation": self.orientation})
+        return rig.model_copy(update={"sensors": self.sensors, "imu": imu})
+
+
+def calibrate(runs: list[Run], rig: BicycleFile) -> Calibration:
+    """From runs at rest, the first upright and steered straight; the bicycle's file says what was so far.
+
+    IdentificationError where nothing rests, or it rests somewhere else than upright.
+    """
+    if rig.imu is None:
+        raise IdentificationError(
+            f"{rig.name}: has no imu in its file, so no gravity to calibrate by"
+        )
+    poses = [p for run in runs for p in _poses(run, rig)]
+    if not poses:
+        raise IdentificationError(
+            f"{', '.join(r.path.name for r in runs)}: the bicycle never rests for {SHORTEST_S:g} s: hold it "
+            "still and upright"
+        )
+    upright = poses[0]
+    if abs(upright.lean) > 0.3 or abs(upright.steer) > 0.6:
+        raise IdentificationError(
+            f"{upright.name}: begins with lean {upright.lean:.2f} and steer {upright.steer:.2f} rad: the "
+            "first pose must be upright and steered straight"
+        )
+    g = rig.mass.gravity
+    notes = []
+    distinct = _distinct(poses)
+    found, sd, residual = fit_accelerometer(
+        np.array([p.accel for p in distinct]), rig.sensors, g, max(0.1 * rig.noise.accel, 1e-3)
+    )
+    if len(distinct) < ENOUGH:
+        notes.append(
+            f"{len(distinct)} poses of the {ENOUGH} that bias, scale and squareness need: what they "
+            "do not tell stays as it was; lay the bicycle on either side, nose up and down, upside down, and "
+            "lean it against things"
+        )
+    down = straightened(upright.accel[None, :], found)[0]
+    orientation, turned = _orientation(down, rig)
+    notes.append(
+        f"the sensor stands {np.rad2deg(turned):.2f} degrees off what the file said; its turn about the "
+        "vertical does not show at rest and is left as it was"
+    )
+    weights = np.array([p.samples for p in poses], dtype=float)
+    gyro = np.average([p.gyro for p in poses], axis=0, weights=weights)
+    sensors = rig.sensors.model_copy(
+        update={
+            "lean_zero": upright.lean,
+            "steer_zero": upright.steer,
+            "gyro_bias": _three(gyro),
+            "accel_bias": _three(found[:3]),
+            "accel_scale": _three(found[3:6]),
+            "accel_cross": _three(found[6:]),
+            "provenance": f"hil bicycle calibrate {' '.join(r.path.name for r in runs)}",
+        }
+    )
+    return Calibration(
+        sensors, orientation, tuple(poses), tuple(sd.tolist()), residual, tuple(notes)
+    )
+
+
+def _poses(run: Run, rig: BicycleFile) -> list[Pose]:
+    """Stretches of `run` in which the gyroscope shows its noise only."""
+    columns = ["t", *(f"imu.{q}" for q in IMU_QUANTITIES)]
+    missing = [c for c in columns if c not in run.table]
+    if missing:
+        raise IdentificationError(f"{run.path.name}: holds no {', '.join(missing)}")
+    imu = run.table[columns].dropna().to_numpy(dtype=float)
+    t, values = imu[:, 0], imu[:, 1:]
+    width = max(int(0.25 / float(np.median(np.diff(t)))), 4)
+    count = len(t) // width
+    if count < 4:
+        return []
+    blocks = values[: count * width].reshape(count, width, 6)
+    limit = STILL_GYRO * max(np.hypot(rig.noise.gyro, rig.noise.gyro_step / np.sqrt(12.0)), 1e-4)
+    still = (blocks[:, :, :3].std(axis=1) < limit).all(axis=1)
+    still &= (blocks[:, :, 3:].std(axis=1) < 5.0 * max(rig.noise.accel, 0.01)).all(axis=1)
+    means = blocks.mean(axis=1)
+    out: list[Pose] = []
+    k = 0
+    while k < count:
+        end = k
+        while end < count and still[end] and _angle(means[end, 3:], means[k, 3:]) < 0.5 * NEW_POSE:
+            end += 1
+        if (end - k) * width * float(np.median(np.diff(t))) >= SHORTEST_S:
+            part = slice(k * width, end * width)
+            span = (float(t[part][0]), float(t[part][-1]))
+            mean = values[part].mean(axis=0)
+            lean, steer = (_mean(run, s, *span) for s in ("lean", "steer"))
+            name = f"{run.path.name} at {span[0]:.1f} s"
+            out.append(Pose(name, *span, lean, steer, mean[:3], mean[3:], part.stop - part.start))
+        k = max(end, k + 1)
+    return out
+
+
+def _mean(run: Run, signal: str, start_s: float, end_s: float) -> float:
+    if signal not in run.table:
+        raise IdentificationError(f"{run.path.name}: holds no {signal}")
+    t = run.table["t"].to_numpy(dtype=float)
+    values = run.table[signal].to_numpy(dtype=float)
+    inside = (t >= start_s) & (t <= end_s) & ~np.isnan(values)
+    if not inside.any():
+        raise IdentificationError(
+            f"{run.path.name}: holds no {signal} while it rests at {start_s:.1f} s"
+        )
+    return float(values[inside].mean())
+
+
+def _distinct(poses: list[Pose]) -> list[Pose]:
+    out: list[Pose] = []
+    for p in poses:
+        if all(_angle(p.accel, o.accel) > NEW_POSE for o in out):
+            out.append(p)
+    return out
+
+
+def straightened(accel: Array, z: Array) -> Array:
+    """(N, 3) specific forces with bias z[:3], scale z[3:6] and cross terms z[6:] taken out."""
+    out = (accel - z[:3]) / z[3:6]
+    out[:, 0] += z[6] * out[:, 1] + z[7] * out[:, 2]
+    out[:, 1] += z[8] * out[:, 2]
+    return np.asarray(out)
+
+
+def fit_accelerometer(
+    accel: Array, start: Sensors, g: float, sigma: float
+) -> tuple[Array, Array, float]:
+    """Bias, scale, cross terms (9,) of poses (N, 3), their standard deviations, what |a| is off g by.
+
+    `sigma`: of a pose's mean, m/s2; what drifts does not average out. Model: "A Robust and Easy to
+    Implement Method for IMU Calibration without External Equipments" (Tedaldi et al. 2014).
+    """
+    first = np.array([*start.accel_bias, *start.accel_scale, *start.accel_cross])
+    prior = np.repeat([BIAS_PRIOR, SCALE_PRIOR, CROSS_PRIOR], 3)
+
+    def off(z: Array) -> Array:
+        size = np.linalg.norm(straightened(accel, z), axis=1) - g
+        return np.concatenate([size / sigma, (z - first) / prior])
+
+    found = least_squares(off, first, x_scale=prior)
+    J = np.asarray(found.jac)
+    sd = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+    left = off(found.x)[: len(accel)] * sigma
+    return np.asarray(found.x), np.asarray(sd), float(np.sqrt(np.mean(left**2)))
+
+
+def _orientation(down: Array, rig: BicycleFile) -> tuple[tuple[float, float, float], float]:
+    """Roll, pitch, yaw of the sensor with which upright gravity is where it was felt, and how far it turned.
+
+    The smallest turn from the file's orientation that does it: a turn about the vertical is none.
+    """
+    assert rig.imu is not None
+    R = rotation(*rig.imu.orientation)
+    felt = R @ (down / np.linalg.norm(down))  # in the frame's axes, if the file were right
+    axis = np.cross(felt, [0.0, 0.0, 1.0])
+    size = float(np.linalg.norm(axis))
+    turned = float(np.arctan2(size, felt[2]))
+    if size > 1e-12:
+        x, y, z = axis / size
+        K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        R = (np.eye(3) + np.sin(turned) * K + (1.0 - np.cos(turned)) * K @ K) @ R
+    roll = float(np.arctan2(R[2, 1], R[2, 2]))
+    pitch = float(-np.arcsin(np.clip(R[2, 0], -1.0, 1.0)))
+    yaw = float(np.arctan2(R[1, 0], R[0, 0]))
+    return (roll, pitch, yaw), turned
+
+
+def _angle(a: Array, b: Array) -> float:
+    cosine = float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _three(values: Array) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
