@@ -55,11 +55,11 @@ class Bench:
         options = ("--can", self.bus, "--listen", self.endpoint, "--runs", str(self.runs))
         return self.start("run", "axis", *options)
 
-    def client(self) -> RigClient:
+    def client(self, rig: str = "axis") -> RigClient:
         deadline_s = time.monotonic() + PATIENCE_S
         while True:
             try:
-                return RigClient("axis", self.endpoint, name="test").open()
+                return RigClient(rig, self.endpoint, name="test").open()
             except RigNotReached:
                 assert time.monotonic() < deadline_s, self.said()
                 time.sleep(0.2)
