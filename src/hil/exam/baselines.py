@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -30,6 +30,7 @@ Mask = NDArray[np.bool_]
 
 FITTED: Final = 4
 """Candidates of the linear picture that are fitted through the twin."""
+TOUCHED: Final = 0.5
 SPREAD: Final = 0.3
 """A fit may move a parameter by three times this share of its start."""
 
@@ -51,32 +52,40 @@ class Ground:
         """Locate the gap, then refit the nuisances on the training samples alone."""
         located = locate(list(case.runs), case.rig)
         e = located.evidence
-        run_of = [
-            next(k for k, r in enumerate(case.runs) if p.name.startswith(r.path.name))
-            for p in e.problem.pieces
-        ]
+        runs = [r.path.name for r in case.runs]
+        run_of = [runs.index(p.name.partition(" (")[0]) for p in e.problem.pieces]
         train, _ = split(e.problem, run_of)
-        nuisances = default_nuisances(case.rig, e.problem.signals, e.timing.delays_s)
-        mine = _only(e.problem, train)
-        best = refit(mine, e.noise, nuisances, e.vector)
+        nuisances = tuple(default_nuisances(case.rig, e.problem.signals))
+        best = refit(_only(e.problem, train), e.noise, nuisances, e.vector)
+        kept = e.problem.kept
         return cls(
-            e,
-            train & e.problem.kept,
-            ~train & e.problem.kept,
-            nuisances,
-            best.vector,
-            best.residual,
-            best.jacobian,
+            e, train & kept, ~train & kept, nuisances, best.vector, best.residual, best.jacobian
         )
 
-    def off(self, residual: Array, rows: Mask) -> float:
-        """Root mean square over `rows`, signals in their floors."""
+    def off(self, residual: Array, signals: Collection[str]) -> tuple[float, float]:
+        """Root mean square of held-out samples of `signals` in their floors, and the floor's own there."""
+        problem, noise = self.evidence.problem, self.evidence.noise
+        floors, tamed = noise.floor(problem), noise.tamed(residual)
+        total, floor, count = 0.0, 0.0, 0
+        for x in problem.series:
+            if x.signal in signals:
+                rows = self.held[x.part]
+                total += float(np.sum((tamed[x.part][rows] / floors[x.signal]) ** 2))
+                drawn = noise.draws[:, x.part][:, rows] / floors[x.signal]
+                floor += float(np.sum(np.mean(drawn**2, axis=0)))
+                count += int(rows.sum())
+        return math.sqrt(total / max(count, 1)), math.sqrt(floor / max(count, 1))
+
+    def touched(self, residual: Array) -> tuple[str, ...]:
+        """Signals in which `residual` differs visibly from that of the twin without an effect."""
         problem = self.evidence.problem
         floors = self.evidence.noise.floor(problem)
-        scaled = np.array(residual)
+        change: dict[str, list[Array]] = {}
         for x in problem.series:
-            scaled[x.part] /= floors[x.signal]
-        return float(np.sqrt(np.mean(scaled[rows] ** 2)))
+            rows = problem.kept[x.part]
+            change.setdefault(x.signal, []).append((residual - self.residual)[x.part][rows])
+        sizes = {s: float(np.sqrt(np.mean(np.concatenate(c) ** 2))) for s, c in change.items()}
+        return tuple(s for s, size in sizes.items() if size > TOUCHED * floors[s])
 
     def white_sum(self, residual: Array) -> float:
         """Sum of squares of the whitened training residual."""
@@ -85,17 +94,15 @@ class Ground:
 
     def with_effects(self, effects: Sequence[Effect]) -> tuple[Array, dict[str, float]]:
         """Residual (N,) of the twin with `effects` fitted from their values; the parameters found."""
-        problem = self.evidence.problem
-        rig = problem.rig
-        told = rig.model_copy(update={"effects": (*rig.effects, *effects)})
-        mine = _only(Problem(told, problem.pieces, smooth=problem.smooth), self.train)
+        mine = _only(self.evidence.problem, self.train)
+        start, mine.base = np.array(self.vector), np.array(mine.base)
+        for e in effects:
+            for p, value in e.parameters.items():
+                i = mine.table.index(f"{e.location}.{e.effect}.{p}")
+                start[i] = mine.base[i] = value
         moved = [n for e in effects for n in _moving(mine, e)]
         names = {n.name for n in moved}
         nuisances = [n for n in self.nuisances if not names & set(n.names)]
-        start = np.array(self.vector)
-        for e in effects:
-            for p, value in e.parameters.items():
-                start[mine.table.index(f"{e.location}.{e.effect}.{p}")] = value
         found = refit(mine, self.evidence.noise, (*nuisances, *moved), start)
         return found.residual, {n: float(found.vector[mine.table.index(n)]) for n in names}
 
@@ -254,8 +261,12 @@ def _cause(effect: Effect, values: Mapping[str, float], probability: float) -> d
 def _said(
     case: Case, ground: Ground, verdict: str, causes: list[dict[str, Any]], residual: Array
 ) -> dict[str, Any]:
-    before, after = ground.off(ground.residual, ground.held), ground.off(residual, ground.held)
-    shrink = (before - after) / (before - 1.0) if before > 1.05 else None
+    signals = ground.touched(residual) or ground.evidence.problem.signals
+    (before, floor), (after, _) = (
+        ground.off(ground.residual, signals),
+        ground.off(residual, signals),
+    )
+    shrink = (before - after) / (before - floor) if before > 1.05 * floor else None
     gap = {
         "metric": "held-out rms in floors",
         "before": before,

@@ -51,7 +51,7 @@ def resampled(rows: Array, statistic: Callable[[Array], float]) -> Value:
         return Value(value, None, None, 1)
     rng = np.random.default_rng(0)
     drawn = [float(statistic(rows[rng.integers(n, size=n)])) for _ in range(RESAMPLES)]
-    low, high = np.quantile(drawn, [0.025, 0.975])
+    low, high = np.quantile(drawn, [0.025, 0.975], method="inverted_cdf")
     return Value(value, float(low), float(high), n)
 
 

@@ -1,7 +1,8 @@
 """How near the named parameters come to the true ones, and whether their intervals hold them.
 
-Errors are relative to how far the true value stands from neutral, vectors (x y z) as a whole; a phase counts
-only in its interval, for it means nothing without the period.
+Errors are relative to how far the true value stands from neutral, vectors (x y z) as a whole; a value that is
+not given counts as neutral, an error of 1. A phase counts only in its interval: it means nothing without the
+period.
 """
 
 from __future__ import annotations
@@ -64,9 +65,10 @@ def sizes(paper: Paper) -> list[Size]:
 def _single(name: str, true: float, said: Any, is_main: bool) -> Size:
     value, covered = _value(said), _covers(said, true)
     away = abs(true - 1.0) if name in ONE else abs(true)
-    if name == "phase" or away < 1e-12 or value is None:
-        missing = value is None and name != "phase" and away >= 1e-12
-        return Size(name, math.inf if missing else None, covered, is_main)
+    if name == "phase" or away < 1e-12:
+        return Size(name, None, covered, is_main)
+    if value is None:
+        return Size(name, 1.0, covered, is_main)
     return Size(name, abs(value - true) / away, covered, is_main)
 
 

@@ -1,0 +1,207 @@
+"""Cases are made, sealed, sat and found again; whatever fails is kept as a failure."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hil.cli.exam import app
+from hil.config import Effect
+from hil.configfile import load_rig
+from hil.errors import ConfigError, RunError
+from hil.exam import Order, Sitting, load_case, make_exam, mark_exam, seal, sit_exam
+from hil.exam.case import case_folders, read_answer
+from hil.exam.make import make_case
+from hil.exam.severity import Bench
+from hil.exam.sit import sit_case
+from hil.exam.world import Scatter, World
+from hil.gap.nuisances import default_nuisances
+from tests.exam.worlds import sway
+
+ORDER = Order(
+    rigs=("axis",), seed=3000, severities=(3.0,), kinds=("single",), effects=("coulomb_friction",)
+)
+CONTRACT = {"format", "rig", "mode", "started", "note", "role", "answer_sha256", "payload"}
+
+
+@pytest.fixture(scope="module")
+def exam(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("exam")
+    make_exam(ORDER, 2, out, jobs=1)
+    return out
+
+
+def test_a_case_holds_the_contract_and_no_hint(exam: Path) -> None:
+    for folder in case_folders(exam):
+        case = load_case(folder)
+        answer = read_answer(exam / "answers" / folder.name / "answer.json")
+        assert {p.name for p in folder.iterdir() if p.is_file()} == {"rig.toml"}
+        assert case.rig.effects == ()
+        for run in sorted(folder.glob("run*/run.toml")):
+            told = tomllib.loads(run.read_text())
+            assert set(told) <= {
+                "format",
+                "rig",
+                "mode",
+                "started",
+                "note",
+                "role",
+                "answer_sha256",
+                "payload",
+            }
+            assert told["answer_sha256"] == seal(answer)
+            assert "friction" not in run.read_text()
+        assert all(r.duration_s > 15.0 for r in case.runs)
+
+
+def test_an_answer_says_what_was_put_in(exam: Path) -> None:
+    answer = read_answer(next((exam / "answers").glob("*/answer.json")))
+    assert answer["verdict"] == "identified"
+    assert [e["effect"] for e in answer["effects"]] == ["coulomb_friction"]
+    assert max(answer["traces"][0].values()) == pytest.approx(3.0, rel=0.13)
+
+
+def test_the_same_number_makes_the_same_case(exam: Path, tmp_path: Path) -> None:
+    make_case(ORDER, 1, tmp_path)
+    case = ORDER.case_id(1)
+    for name in ("cases", "answers"):
+        files = sorted(p.relative_to(exam) for p in (exam / name / case).rglob("*") if p.is_file())
+        assert files == sorted(
+            p.relative_to(tmp_path) for p in (tmp_path / name / case).rglob("*") if p.is_file()
+        )
+    again, first = load_case(tmp_path / "cases" / case), load_case(exam / "cases" / case)
+    assert all(a.table.equals(b.table) for a, b in zip(again.runs, first.runs, strict=True))
+
+
+def test_cases_that_are_there_are_not_made_again(exam: Path) -> None:
+    said: list[str] = []
+    before = {p: p.stat().st_mtime_ns for p in exam.rglob("*") if p.is_file()}
+    make_exam(ORDER, 2, exam, jobs=1, on_done=lambda case, text: said.append(text))
+    assert said == ["is there already"] * 2
+    assert before == {p: p.stat().st_mtime_ns for p in exam.rglob("*") if p.is_file()}
+
+
+def test_reference_runs_are_healthy(tmp_path: Path) -> None:
+    order = replace(ORDER, seed=3002, severities=(10.0,), effects=("sensor_bias",))
+    make_case(order, 0, tmp_path)
+    case = load_case(tmp_path / "cases" / order.case_id(0))
+    offset = read_answer(tmp_path / "answers" / case.id / "answer.json")["effects"][0][
+        "parameters"
+    ]["offset"]
+    mean = [float(np.nanmedian(r.table["axis.force"])) for r in (*case.runs, *case.references)]
+    assert mean[0] == pytest.approx(offset, rel=0.2)
+    assert abs(mean[1]) < 0.2 * abs(offset)
+
+
+def test_orders_for_what_there_is_not_are_refused() -> None:
+    with pytest.raises(ConfigError, match="'lorry' is no rig of exam cases"):
+        Order(rigs=("lorry",))
+    with pytest.raises(ConfigError, match="'quadruple' is no kind"):
+        Order(kinds=("quadruple",))
+    with pytest.raises(ConfigError, match="severities above 0"):
+        Order(severities=(0.0,))
+
+
+def test_a_healthy_rig_stays_within_what_a_calibration_allows() -> None:
+    rig = load_rig("motorcycle")
+    allowed = {n.name: 3.0 * n.sd for n in default_nuisances(rig, [])}
+    for seed in range(20):
+        world = World.of(rig, Scatter(seed))
+        assert abs(world.true[1][0] - rig.mass.m) < allowed["platform.payload_mass.mass"]
+        cog = world.true[1][1:4] - np.array(rig.mass.cog)
+        assert np.all(np.abs(cog) < allowed["platform.payload_cog.x"])
+        assert np.all(np.abs(world.setpoint_delay_s) < allowed["leg1.transport_delay.delay"])
+
+
+def test_severity_counts_floors_of_the_most_touched_signal() -> None:
+    rig = load_rig("axis")
+    bench = Bench.of(rig, Scatter(4), sway(rig, 6.0), (1, 2), with_imu=False)
+    assert bench.trace(()) == dict.fromkeys(bench.floor, 0.0)
+    line = Effect(effect="sensor_bias", location="axis.force", parameters={"offset": 50.0})
+    assert bench.trace((line,))["axis.force"] == pytest.approx(50.0 / bench.floor["axis.force"])
+
+
+def _seat(exam: Path, out: Path, **more: Any) -> Sitting:
+    return Sitting(out, answers=exam / "answers", **more)
+
+
+def test_the_oracle_finds_what_it_was_told_and_the_gap_shrinks(exam: Path, tmp_path: Path) -> None:
+    case = case_folders(exam)[0]
+    sit_case(case, _seat(exam, tmp_path, baseline="oracle"))
+    said = json.loads((tmp_path / f"{case.name}.json").read_text())
+    true = read_answer(exam / "answers" / case.name / "answer.json")["effects"][0]["parameters"][
+        "force"
+    ]
+    assert said["causes"][0]["parameters"]["force"]["value"] == pytest.approx(true, rel=0.4)
+    assert said["gap"]["after"] < said["gap"]["before"]
+    marked = mark_exam(tmp_path, exam / "answers", oracle=tmp_path, only=case.name)
+    shown = {m.name: v.value for m, v in marked.groups[0].marks}
+    assert shown["leaf and location right"] == 1.0
+
+
+def test_a_sitting_goes_on_where_it_stopped(exam: Path, tmp_path: Path) -> None:
+    names = [f.name for f in case_folders(exam)]
+    (tmp_path / f"{names[0]}.json").write_text('{"verdict": "no_gap"}')
+    said: list[str] = []
+    sit_exam(
+        exam,
+        _seat(exam, tmp_path, baseline="random"),
+        jobs=1,
+        on_done=lambda case, text: said.append(case),
+    )
+    assert said == names[1:]
+    assert json.loads((tmp_path / f"{names[0]}.json").read_text()) == {"verdict": "no_gap"}
+
+
+def test_a_case_that_fails_or_takes_too_long_is_kept_as_an_error(
+    exam: Path, tmp_path: Path
+) -> None:
+    case = case_folders(exam)[0]
+    sit_case(case, _seat(exam, tmp_path, baseline="oracle", limit_s=0.05))
+    said = json.loads((tmp_path / f"{case.name}.json").read_text())
+    assert said["verdict"] == "error"
+    assert "longer than 0.05 s" in said["error"]
+    broken = tmp_path / "cases" / "bad"
+    broken.mkdir(parents=True)
+    (broken / "rig.toml").write_text("name = 3")
+    sit_case(broken, _seat(exam, tmp_path, baseline="random"))
+    assert "ConfigError" in json.loads((tmp_path / "bad.json").read_text())["error"]
+
+
+def test_folders_without_cases_or_answers_are_named(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"holds no case; a case is a folder with rig\.toml"):
+        case_folders(tmp_path)
+    with pytest.raises(RunError, match="holds no answers"):
+        mark_exam(tmp_path, tmp_path)
+
+
+def test_the_command_line_teaches_and_marks(exam: Path, tmp_path: Path) -> None:
+    run = CliRunner()
+    assert "seals" in run.invoke(app, ["--help"]).output
+    done = run.invoke(
+        app, ["sit", str(exam), "--out", str(tmp_path), "--baseline", "random", "--jobs", "1"]
+    )
+    assert done.exit_code == 0, done.output
+    done = run.invoke(
+        app,
+        [
+            "mark",
+            str(tmp_path),
+            "--answers",
+            str(exam / "answers"),
+            "--json",
+            str(tmp_path / "marks.json"),
+        ],
+    )
+    assert done.exit_code == 0, done.output
+    assert "top-1 by class" in done.output
+    marks = json.loads((tmp_path / "marks.json").read_text())
+    assert marks["format"] == "hil-exam-marks/1"
+    assert marks["unsealed"] == []
