@@ -16,6 +16,9 @@ from pathlib import Path
 GUEST_ROOT = "/mnt/root"
 """Where init.sh has put the guest's file tree, as seen from the guest's process 1."""
 TARGET = "hil-test.target"
+HIDDEN = ("/root/", "/home/")
+"""Where ProtectHome=yes lets a service see nothing."""
+CHECKOUT = Path(__file__).resolve().parents[2]
 MASKED = (
     "apt-daily.timer", "apt-daily-upgrade.timer", "cryptsetup.target", "dev-hugepages.mount",
     "dev-mqueue.mount", "local-fs.target", "proc-sys-fs-binfmt_misc.automount", "swap.target",
@@ -104,22 +107,32 @@ class Systemd:
             time.sleep(0.2)
 
 
-def service_python(folder: Path) -> Path:
-    """A `hil` that a service can reach: this environment's packages under a Python outside all homes.
+def service_python(systemd: Systemd, folder: Path) -> Path:
+    """A `hil` that a service can reach: this checkout and its packages under a Python outside all homes.
 
-    This environment itself where its Python is one; else the system's Python of the same version.
+    The service sees no home and has a /tmp of its own, and the checkout may lie in either: it is shown to
+    the service a second time, in `folder`.
     """
-    own = Path(sys.executable).parent
-    if not str((own / "python").resolve()).startswith(("/root/", "/home/")):
-        return own / "hil"
+    own = (Path(sys.executable).parent / "python").resolve()
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
-    system = Path("/usr/bin") / version
-    if not system.exists():
-        raise AssertionError(f"{system} is needed: a service cannot see {sys.executable}")
-    (folder / "bin").mkdir(parents=True)
-    (folder / "bin/python").symlink_to(system)
-    (folder / "lib").symlink_to(Path(sys.prefix) / "lib")
-    (folder / "pyvenv.cfg").write_text("home = /usr/bin\ninclude-system-site-packages = false\n")
+    python = Path("/usr/bin") / version if str(own).startswith(HIDDEN) else own
+    if not python.exists():
+        raise AssertionError(f"{python} is needed: a service cannot see {sys.executable}")
+    packages = folder / "lib" / version / "site-packages"
+    packages.mkdir(parents=True)
+    (folder / "bin").mkdir()
+    checkout = folder / "checkout"
+    checkout.mkdir()
+    systemd.run("mount", "--bind", str(CHECKOUT), str(checkout))
+    prefix = Path(sys.prefix)
+    if prefix.is_relative_to(CHECKOUT):
+        prefix = checkout / prefix.relative_to(CHECKOUT)
+    theirs = prefix / "lib" / version / "site-packages"
+    (packages / "checkout.pth").write_text(f"{checkout}/src\n{theirs}\n")
+    (folder / "bin/python").symlink_to(python)
+    (folder / "pyvenv.cfg").write_text(
+        f"home = {python.parent}\ninclude-system-site-packages = false\n"
+    )
     script = folder / "bin/hil"
     script.write_text(f"#!{folder}/bin/python\nfrom hil.cli import main\nmain()\n")
     script.chmod(0o755)

@@ -17,7 +17,9 @@ from numba.core.caching import UserWideCacheLocator
 import hil
 from hil.compiled import sources_stamp
 from hil.configfile import load_drive, load_rig
-from hil.daemon.simulated import SimulatedSession
+from hil.control.demo_ride import DemoRide
+from hil.control.streaming import cues
+from hil.daemon.simulated import SimulatedSession, cue_at
 from hil.drives.profile import LustProfile
 
 RIGS = ("axis", "motorcycle")
@@ -26,18 +28,25 @@ PACKAGE = Path(hil.__file__).resolve().parent
 
 
 def make() -> None:
-    """Call all that a daemon and a simulated rig call: arm each rig in simulated time, then park it."""
+    """Call all that a daemon and a simulated rig call: arm each rig in simulated time, ride, park."""
     profiles = {"lust_cdd3000": load_drive("lust_cdd3000", LustProfile)}
     for name in RIGS:
-        session = SimulatedSession(load_rig(name), profiles)
+        rig = load_rig(name)
+        session = SimulatedSession(rig, profiles)
         session.arm()
+        start_s = session.now_s
+        for cue in cues(DemoRide(rig).poses, 0.0, 1.0, "model"):
+            session.cue(cue_at(cue, start_s))
         session.leave()
 
 
-def hand_over(cache: Path) -> None:
-    """Copy what stands beside the sources into the user's cache folder `cache` (an XDG_CACHE_HOME)."""
+def hand_over(sources: Path, cache: Path) -> None:
+    """Copy what stands beside the sources of hil into the user's cache folder `cache` (an XDG_CACHE_HOME).
+
+    `sources` is where the user sees them.
+    """
     for compiled in PACKAGE.rglob("__pycache__/*.nb[ic]"):
-        source = compiled.parent.parent / "any.py"
+        source = sources / compiled.parent.parent.relative_to(PACKAGE) / "any.py"
         to = cache / "numba" / UserWideCacheLocator.get_suitable_cache_subpath(str(source))
         to.mkdir(parents=True, exist_ok=True)
         shutil.copy2(compiled, to)

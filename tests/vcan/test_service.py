@@ -51,10 +51,10 @@ class Installed:
         )
         rig = folder / "axis.toml"
         rig.write_text(self.rig_text)
-        self.hil = service_python(Path("/opt/hil"))
+        self.hil = service_python(systemd, Path("/opt/hil"))
         self.said = systemd.run(str(self.hil), "service", "install", "--rig", str(rig))
         self._patient()
-        hand_over(MODEL)
+        hand_over(Path("/opt/hil/checkout/src/hil"), MODEL)
         self.systemd.run("chown", "-R", "hil:hil", str(MODEL))
         self.rig_process = subprocess.Popen(
             [sys.executable, "-m", "hil", "simulate", str(rig)],

@@ -17,7 +17,7 @@ from hil.control.shaping import CueShaper
 from hil.daemon.records import ActuatorState
 from hil.rigs import Manipulator
 from hil.safety.rigstate import MotionGoal
-from hil.signals import Cue, Sample
+from hil.signals import Cue, Sample, TimedPose
 
 NEAR_PARKED: Final = 0.02
 """The measured pose counts as near the parked one within this, m or rad: a step no rider would notice."""
@@ -48,18 +48,21 @@ class Motion:
         self._goal = MotionGoal.NONE
 
     def rehearse(self) -> None:
-        """Play a few cycles at rest, so that compiled code is loaded before time matters.
+        """Play a few cycles at rest, cues and all, so that compiled code is loaded before time matters.
 
         For a `Motion` that is thrown away afterwards.
         """
         rho = self.manipulator.inverse(self._parked)
         cycle_s = self._cycle_s
+        still = tuple(self._parked.tolist())
+        ahead = tuple(TimedPose(cycle_s * j, still) for j in range(8))
         for k, goal in enumerate((MotionGoal.NONE, *MotionGoal, MotionGoal.NONE)):
             now_s = k * cycle_s
+            self.cue(now_s, Cue("rehearsal", k, now_s, now_s, ahead))
             for name, value in zip(self.manipulator.actuators, rho.tolist(), strict=True):
                 for quantity in ("position", "velocity", "force"):
-                    still = value if quantity == "position" else 0.0
-                    self.sample(Sample(name, quantity, still, now_s, now_s))
+                    measured = value if quantity == "position" else 0.0
+                    self.sample(Sample(name, quantity, measured, now_s, now_s))
             self.observe(now_s + 0.5 * cycle_s)
             self.step(now_s + cycle_s, goal)
 
