@@ -18,6 +18,8 @@ from hil.safety.rules import DriveLimits, GateLimits
 
 ON, FORCE, OFF, SPEED, REQUEST, SYSTEM = 0x100, 0x180, 0x200, 0x280, 0x300, 0x080
 START, STOP = b"\x01", b"\x00"
+START_LEFT = b"\x03"
+"""Starts the drives of a family to which only the left one belongs."""
 EPS = 2.0**-20
 CYCLE_S = 0.5
 
@@ -48,9 +50,11 @@ class BenchMeaning:
 
     def meaning(self, can_id: int, data: bytes) -> Meaning:
         if can_id == SYSTEM:
-            return {START: Meaning(Ask.SYSTEM_START), STOP: Meaning(Ask.SYSTEM_STOP)}.get(
-                data, Meaning(Ask.UNKNOWN, text="neither start nor stop")
-            )
+            return {
+                START: Meaning(Ask.SYSTEM_START),
+                STOP: Meaning(Ask.SYSTEM_STOP),
+                START_LEFT: Meaning(Ask.SYSTEM_START, actuators=(0,)),
+            }.get(data, Meaning(Ask.UNKNOWN, text="neither start nor stop"))
         base, i = can_id & ~0x7F if can_id < FORCE or can_id >= OFF else FORCE, can_id & 0x7F
         if base in (ON, FORCE, SPEED):
             kind = {ON: "position", FORCE: "force", SPEED: "velocity"}[base]

@@ -17,6 +17,7 @@ from tests.safety.bench import (
     CYCLE_S,
     EPS,
     START,
+    START_LEFT,
     STOP,
     alive,
     bare_on,
@@ -116,6 +117,12 @@ CASES = [
     ]),
     Case("System Start once every drive has been told to be off", [
         ok(0.0, off(0)), ok(0.0, off(1)), ok(0.0, system(START)),
+    ]),
+    Case("System Start of one family once its own drives have been told to be off", [
+        no(0.0, system(START_LEFT), "start_unarmed"), ok(0.0, off(0)), ok(0.0, system(START_LEFT)),
+    ]),
+    Case("the other family's drives are no help", [
+        ok(0.0, off(1)), no(0.0, system(START_LEFT), "start_unarmed"),
     ]),
     Case("no System Start after a disarm without off", [
         ok(0.0, off(0)), ok(0.0, off(1)), *first(0.0, None), ("disarm",),

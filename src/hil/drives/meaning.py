@@ -64,6 +64,8 @@ class Meaning:
     """Raw value of a write."""
     text: str = ""
     """Why a frame is UNKNOWN."""
+    actuators: tuple[int, ...] | None = None
+    """Whom an ask without an actuator concerns; None: all."""
 
 
 class FrameMeaning(Protocol):

@@ -81,7 +81,9 @@ class TogetherMeaning:
         """What a frame asks, its actuator counted as in the rig file; `can_id` is the frame's key."""
         part, actuators = self._of[can_id]
         meant = part.meaning(can_id & EFF_MASK, data)
-        if meant.actuator is None or actuators[meant.actuator] == meant.actuator:
+        if meant.actuator is None:
+            return replace(meant, actuators=actuators)
+        if actuators[meant.actuator] == meant.actuator:
             return meant
         return replace(meant, actuator=actuators[meant.actuator])
 

@@ -168,7 +168,10 @@ class Gate:
                     return Broken(Rule.RESET_ARMED, "an armed rig resets no error by itself")
                 return None
             case Ask.SYSTEM_START:
-                if not self._armed and not all(self._is_off):
+                off = self._is_off
+                if meaning.actuators is not None:
+                    off = [off[i] for i in meaning.actuators]
+                if not self._armed and not all(off):
                     return Broken(Rule.START_UNARMED, "not every drive has been told to be off")
                 return None
             case Ask.POWER_ON if meaning.actuator is not None and meaning.setpoint is not None:

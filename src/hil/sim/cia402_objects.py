@@ -40,29 +40,27 @@ class Objects:
     def restart(self) -> None:
         """As after power-on: what was written is gone."""
         self._values: dict[Key, bytes] = {}
+        self._numbers: dict[Key, int] = {}
+        self._mapped: dict[int, tuple[ObjectEntry, ...]] = {}
         for key, entry in self._entries.items():
             value = entry.default
             if value is None:
                 value = "" if entry.size is None else 0
             if entry.is_relative and isinstance(value, int):
                 value += self._node
-            self._values[key] = entry.encode(value)
+            self._set(key, entry.encode(value))
         rated_mnm = self._actuator.drive.force_per_count * 1000.0 * 1000.0
         self.put((0x6502, 0), self._profile.simulated.modes)
         self.put((0x6076, 0), min(round(rated_mnm), 2**32 - 1))
 
     def value(self, index: int, sub: int = 0) -> int:
         """An integer object's value; 0 where the EDS lacks it."""
-        key = (index, sub)
-        if key not in self._values:
-            return 0
-        found = self._entries[key].decode(self._values[key])
-        return int(found) if isinstance(found, int | float) else 0
+        return self._numbers.get((index, sub), 0)
 
     def put(self, key: Key, value: int) -> None:
         """Set an object from inside; one that the EDS lacks stays away."""
         if key in self._entries:
-            self._values[key] = self._entries[key].encode(value)
+            self._set(key, self._entries[key].encode(value))
 
     def read(self, index: int, sub: int) -> bytes:
         """The bytes that an SDO read gets."""
@@ -90,13 +88,24 @@ class Objects:
                 raise abort("value_too_low")
             self._check_pdo(index, sub, value)
             self.before_write((index, sub), value)
-        self._values[index, sub] = data
+        self._set((index, sub), data)
 
     def mapped(self, mapping: int) -> tuple[ObjectEntry, ...]:
         """The objects that a PDO carries now."""
-        count = self.value(mapping)
-        entries = (self.value(mapping, k) for k in range(1, count + 1))
-        return tuple(self._entries[e >> 16, e >> 8 & 0xFF] for e in entries)
+        found = self._mapped.get(mapping)
+        if found is None:
+            entries = (self.value(mapping, k) for k in range(1, self.value(mapping) + 1))
+            found = tuple(self._entries[e >> 16, e >> 8 & 0xFF] for e in entries)
+            self._mapped[mapping] = found
+        return found
+
+    def _set(self, key: Key, data: bytes) -> None:
+        self._values[key] = data
+        found = self._entries[key].decode(data)
+        if isinstance(found, int):
+            self._numbers[key] = found
+        if key[0] in MAPPINGS:
+            self._mapped.clear()
 
     def _entry(self, index: int, sub: int) -> ObjectEntry:
         if (index, sub) in self._entries:

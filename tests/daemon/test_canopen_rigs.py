@@ -1,0 +1,192 @@
+"""Rigs with CiA 402 drives in simulated time: every mode, several buses, mixed families, and trouble."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hil.bus.schedule import require_schedule_fits
+from hil.config import RigFile
+from hil.configfile import load_rig, parse_settings
+from hil.daemon.records import FrameRecord, InputRecord, SetpointRecord, StateRecord
+from hil.daemon.replay import Replay
+from hil.drivefiles import load_profile, load_profiles
+from hil.drives import DrivePhase
+from hil.errors import ConfigError
+from hil.frames import Frame
+from tests.daemon.simulated_rig import Session, rig_file
+from tests.drives.cia402.exchange import with_drive
+
+PROFILES = {"cia402": load_profile("cia402"), "lust_cdd3000": load_profile("lust_cdd3000")}
+
+
+def session(name: str = "axis_canopen", cyclic: str = "position", **tables) -> Session:
+    return Session(with_drive(rig_file(name, **tables), cyclic=cyclic), PROFILES)
+
+
+def mixed(bus: int = 0, **tables) -> RigFile:
+    """The motorcycle platform: two LUST legs and a CiA 402 slide, on one bus or on one of its own."""
+    values = load_rig("motorcycle").model_dump()
+    for table, changes in tables.items():
+        values[table].update(changes)
+    drive = values["actuators"][2]["drive"]
+    drive.update({"profile": "cia402", "bus": bus, "counts_per_unit": 1e7})
+    if bus:
+        values["can"]["further"] = ({"url": "socketcan:can1", "bitrate": 500_000},)
+    return parse_settings(values, RigFile, "mixed")
+
+
+def rms(ride: Session, after_s: float) -> float:
+    errors = [
+        s.tracking_error
+        for s in ride.of(StateRecord)
+        if s.state == "engaged" and s.t_s > after_s and not math.isnan(s.tracking_error)
+    ]
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+@pytest.mark.parametrize(
+    ("mode", "cyclic", "kind", "most_mm"),
+    [
+        ("drive", "position", "position", 3.0),
+        ("drive", "velocity", "velocity", 3.0),
+        ("cascade", "position", "force", 5.0),
+        ("computed_torque", "position", "force", 0.05),
+    ],
+)
+def test_the_axis_rides_in_every_mode_and_ends_parked_and_off(mode, cyclic, kind, most_mm):
+    ride = session(cyclic=cyclic, control={"mode": mode}).engaged(1.5)
+    assert rms(ride, ride.now_s - 0.7) < 1e-3 * most_mm
+    ride.leave()
+    assert ride.core.state == "parked"
+    assert not ride.powered()
+    assert {r.kind for r in ride.of(SetpointRecord)} == {kind}
+    assert ride.state().slots == ride.state().pairs > 1500
+    assert not ride.core._link.gate.refused
+
+
+@pytest.mark.parametrize("mode", ["drive", "computed_torque"])
+def test_six_axes_on_two_buses_at_1_khz(mode):
+    ride = session("stewart_canopen", control={"mode": mode}).engaged(0.5)
+    assert {f.frame.bus for f in ride.of(FrameRecord)} == {0, 1}
+    assert ride.state().pairs > 0.99 * ride.state().slots
+    assert ride.state().bus_load < 0.9
+    assert [bus.totals.refused for bus in ride.buses] == [0, 0]
+
+
+@pytest.mark.parametrize("bus", [0, 1])
+@pytest.mark.parametrize("mode", ["drive", "computed_torque"])
+def test_two_lust_legs_and_a_cia_402_slide_ride_together(bus, mode):
+    ride = Session(mixed(bus, control={"mode": mode}), PROFILES).engaged(2.0)
+    assert [d.status.phase for d in ride.core._link.drives] == [DrivePhase.ENABLED] * 3
+    assert rms(ride, ride.now_s - 1.0) < 0.01
+    ride.leave()
+    assert ride.core.state == "parked"
+    assert not ride.powered()
+    nodes = {f.frame.bus for f in ride.sent() if f.frame.can_id == 0x200 + 3}
+    assert nodes == {bus}
+
+
+def test_identifiers_of_two_families_that_collide_are_refused():
+    rig = mixed()
+    drive = rig.actuators[0].drive.model_copy(update={"address": 74})  # its log-on: 0x607 + 74
+    legs = rig.actuators[0].model_copy(update={"drive": drive})
+    slide = rig.actuators[2].drive.model_copy(update={"address": 0x51})
+    moved = rig.actuators[2].model_copy(update={"drive": slide})
+    clash = rig.model_copy(update={"actuators": (legs, rig.actuators[1], moved)})
+    with pytest.raises(ConfigError, match="identifier 0x651"):
+        Session(clash, PROFILES)
+
+
+def test_a_bus_that_is_too_full_is_refused_with_what_fits():
+    rig = load_rig("stewart_canopen")
+    assert 0.8 < require_schedule_fits(rig, PROFILES) < 0.9
+    crowded = with_drive(rig, bus=0)
+    with pytest.raises(ConfigError) as refused:
+        require_schedule_fits(crowded, PROFILES)
+    text = str(refused.value)
+    assert "3 of these 6 drives with bus.cycle = 0.001" in text
+    assert "all of them with bus.cycle = 0.002" in text
+    slower = crowded.model_copy(update={"bus": rig.bus.model_copy(update={"cycle": 0.002})})
+    assert require_schedule_fits(slower, PROFILES) < 0.9
+
+
+def test_a_replay_sends_the_same_frames_again():
+    ride = session().engaged(0.3)
+    journal = [r for r in ride.records if isinstance(r, InputRecord | FrameRecord)]
+    cues = [r for r in ride.records if type(r).__name__ in ("CueRecord", "CommandRecord")]
+    ordered = [r for r in ride.records if r in journal or r in cues]
+    found = Replay(ride.rig, PROFILES).run(ordered)
+    assert found.is_same
+    assert found.frames > 1000
+
+
+# trouble
+
+
+def test_a_node_that_vanishes_while_armed_is_an_emergency_and_can_be_had_back():
+    ride = session().engaged(0.5)
+    (drive,) = ride.simulated.drives
+    drive.silence()
+    ride.ride(0.4)
+    assert ride.core.state == "emergency"
+    assert ride.state().fault.startswith("answers_lost: axis")
+    drive.silence(silent=False)
+    ride.run_until(ride.now_s + 0.5)
+    assert ride.command("reset").ok
+    ride.run_until(ride.now_s + 3.0)
+    ride.arm()
+    assert ride.core.state in ("ready", "engaged")
+
+
+def test_a_drive_error_while_armed_parks_or_stops_the_rig_and_names_itself():
+    ride = session().engaged(0.5)
+    (drive,) = ride.simulated.drives
+    ride.simulated._queue(drive.set_fault(0x4310), 0)
+    ride.ride(0.3)
+    assert ride.core.state in ("fault", "emergency")
+    assert "motor too hot" in ride.state().fault
+    assert not ride.powered()
+
+
+def test_a_late_node_keeps_the_rig_from_being_armed_until_it_boots():
+    ride = session()
+    (drive,) = ride.simulated.drives
+    drive.silence()
+    ride.run_until(1.0)
+    assert ride.core.state == "offline"
+    assert not ride.command("arm").ok
+    drive.silence(silent=False)
+    drive.reboot(ride.now_s)
+    ride.wait_for("parked")
+
+
+def test_a_daemon_that_dies_lets_the_drives_stop_by_themselves():
+    ride = session().engaged(0.5)
+    at_s = ride.now_s
+    ride.world.masters["control"] = _Dead()
+    ride.world.run_until(at_s + 0.4)
+    assert not ride.powered()
+
+
+class _Dead:
+    """A master that has crashed."""
+
+    next_due_s = float("inf")
+
+    def on_due(self, now_s: float) -> list[Frame]:
+        return []
+
+    def on_frame(self, now_s: float, frame: Frame) -> list[Frame]:
+        return []
+
+    def on_refused(self, now_s: float, frame: Frame, error: Exception) -> None:
+        return None
+
+
+def test_shipped_rig_files_name_drive_files_that_there_are():
+    for name in ("axis_canopen", "stewart_canopen", "axis", "motorcycle"):
+        rig = load_rig(name)
+        assert require_schedule_fits(rig, load_profiles(rig)) < 0.9
