@@ -14,9 +14,14 @@ from hil.drives.profiles import DriveProfile
 from hil.errors import ConfigError
 
 
+def profile_folder(name: str) -> Path:
+    """The folder of the family `name`, which is one below drives/ or a path."""
+    return Path(name) if Path(name).is_dir() else data_folder("drives") / name
+
+
 def load_profile(name: str) -> DriveProfile:
     """The drive file of the family `name`, a folder below drives/ or a path to one; or ConfigError."""
-    folder = Path(name) if Path(name).is_dir() else data_folder("drives") / name
+    folder = profile_folder(name)
     path = folder / "drive.toml"
     if not path.is_file():
         known = ", ".join(sorted(p.parent.name for p in data_folder("drives").glob("*/drive.toml")))

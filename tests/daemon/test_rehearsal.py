@@ -1,4 +1,4 @@
-"""Before it starts, control loads all compiled code that a ride calls: loading it later would be an overrun."""
+"""Before it starts, control loads all compiled code that a ride calls: later it would be an overrun."""
 
 from __future__ import annotations
 

@@ -1,13 +1,14 @@
 """A recorded run through the control code again: the same to the frame, or a difference one can read."""
 
 import json
+import shutil
 
 import pytest
 from typer.testing import CliRunner
 
 from hil.bus.faults import Drop, NodeOff
 from hil.cli.app import app
-from hil.configfile import rig_toml
+from hil.configfile import data_folder, rig_toml
 from hil.daemon.records import FrameRecord, InputRecord
 from hil.daemon.replay import Replay, replay_run
 from hil.daemon.simulated import EPOCH, SimulatedSession
@@ -117,6 +118,21 @@ def test_a_journal_that_was_cut_is_replayed_as_far_as_it_goes(run, tmp_path):
     assert found.is_same
     assert 0 < found.frames < replay_run(run, RIG, PROFILES).frames
     assert "no end" in found.damage
+
+
+def test_the_drive_file_that_ran_is_kept_and_is_what_is_replayed(run, tmp_path):
+    kept = run / "drives/lust_cdd3000/drive.toml"
+    assert kept.read_text() == (data_folder("drives") / "lust_cdd3000/drive.toml").read_text()
+    other = tmp_path / "run"
+    shutil.copytree(run, other)
+    told = kept.read_text()
+    assert "listen = 0.25" in told
+    (other / "drives/lust_cdd3000/drive.toml").write_text(
+        told.replace("listen = 0.25", "listen = 0.35")
+    )
+    assert invoke(other).exit_code == 1
+    shutil.rmtree(other / "drives")  # a run from before they were kept
+    assert invoke(other).exit_code == 0
 
 
 def test_the_command_says_that_all_is_the_same(run):

@@ -34,6 +34,7 @@ def test_folder_is_named_by_utc_stamp_and_rig(finished: Path) -> None:
         "can.log",
         "journal.mcap",
         "events.jsonl",
+        "drives",
     }
 
 

@@ -8,13 +8,12 @@ from typing import Annotated
 import typer
 
 from hil.cli.console import JsonFlag, err, out, write_json
-from hil.cli.options import profiles_of
 from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.daemon.replay import Comparison, Difference, replay_run
 from hil.drives.describe_rig import RigDescriber
 from hil.errors import RunError
-from hil.runs.folder import RunMeta, read_meta, read_rig
+from hil.runs.folder import RunMeta, read_meta, read_profiles, read_rig
 
 
 def replay(
@@ -35,7 +34,7 @@ def replay(
     settings = load_rig(rig) if rig is not None else read_rig(run, meta)
     if settings is None:
         raise RunError(f"{run}: keeps no rig file; name one with --rig")
-    profiles = profiles_of(settings)
+    profiles = read_profiles(run, settings)
     with err.status(f"replaying {run.name}"):
         found = replay_run(run, settings, profiles)
     describer = RigDescriber(settings, profiles)

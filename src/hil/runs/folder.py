@@ -3,6 +3,7 @@
 runs/20260131T120000Z_motorcycle/
     run.toml            format "hil-run/1": rig, mode, started, note, role, payload, [recording]
     rig.toml            the rig file as it was
+    drives/             the drive files that it names, as they were
     recording.mcap      or signals.parquet, or signals.csv
     journal.mcap        all that the control process was told and sent, to the bit, for `hil replay`
     can.log             raw bus log (candump; can.blf where the rig file asks for BLF)
@@ -14,6 +15,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import platform
+import shutil
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -26,11 +28,14 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from hil import __version__
 from hil.config import AnyRig, BicycleFile, RigFile
 from hil.configfile import parse_any_rig, read_toml
+from hil.drivefiles import load_profile, profile_folder
+from hil.drives.profiles import DriveProfile
 from hil.errors import ConfigError, RunError
 
 FORMAT: Final = "hil-run/1"
 RUN_TOML: Final = "run.toml"
 RIG_TOML: Final = "rig.toml"
+DRIVES: Final = "drives"
 RECORDING: Final = "recording.mcap"
 EVENTS: Final = "events.jsonl"
 JOURNAL: Final = "journal.mcap"
@@ -198,6 +203,18 @@ def read_any_rig(folder: Path, meta: RunMeta) -> AnyRig | None:
     if rig.name != meta.rig:
         raise RunError(f"{path}: is the rig {rig.name!r}, but {RUN_TOML} says {meta.rig!r}")
     return rig
+
+
+def keep_drives(folder: Path, rig: RigFile) -> None:
+    """Copy the drive files that `rig` names into the run folder: drive.toml, and what stands beside it."""
+    for name in {a.drive.profile for a in rig.actuators}:
+        shutil.copytree(profile_folder(name), folder / DRIVES / Path(name).name, dirs_exist_ok=True)
+
+
+def read_profiles(folder: Path, rig: RigFile) -> dict[str, DriveProfile]:
+    """The drive files that `rig` names, as the run kept them; those of today where it kept none."""
+    kept = {a.drive.profile: folder / DRIVES / Path(a.drive.profile).name for a in rig.actuators}
+    return {n: load_profile(str(path) if path.is_dir() else n) for n, path in kept.items()}
 
 
 def lock(stream: IO[bytes]) -> None:

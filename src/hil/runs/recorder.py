@@ -18,7 +18,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from hil.config import AnyRig
+from hil.config import AnyRig, RigFile
 from hil.config.bicycle import BICYCLE
 from hil.errors import RunError
 from hil.frames import StampedFrame
@@ -41,6 +41,7 @@ from hil.runs.folder import (
     RIG_TOML,
     RUN_TOML,
     RunMeta,
+    keep_drives,
     lock,
     meta_toml,
     new_folder,
@@ -99,6 +100,8 @@ class Recorder:
         )
         try:
             (self.path / RIG_TOML).write_text(rig_toml, encoding="utf-8")
+            if isinstance(rig, RigFile):
+                keep_drives(self.path, rig)
             write_meta(self.path, self._meta)
             self._events = (self.path / EVENTS).open("wb")
             self._stream = (self.path / RECORDING).open("wb")
