@@ -3,7 +3,8 @@
 `locate` answers that; `Problem`, `NoiseModel` and `refit` are what it and everything after it stand on.
 """
 
-from hil.gap.arrivals import Timing, find_timing
+from hil.gap.diagnose import diagnose
+from hil.gap.diagnosis import Cause, Diagnosis
 from hil.gap.locate import locate
 from hil.gap.noise import NoiseModel, find_noise
 from hil.gap.nuisances import Nuisance, default_nuisances
@@ -13,6 +14,8 @@ from hil.gap.result import Located, Place, SignalGap
 from hil.gap.sanity import Finding
 
 __all__ = [
+    "Cause",
+    "Diagnosis",
     "Finding",
     "Located",
     "NoiseModel",
@@ -21,10 +24,9 @@ __all__ = [
     "Problem",
     "Refit",
     "SignalGap",
-    "Timing",
     "default_nuisances",
+    "diagnose",
     "find_noise",
-    "find_timing",
     "locate",
     "refit",
 ]

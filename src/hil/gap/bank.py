@@ -67,7 +67,7 @@ def fill_bank(problem: Problem, vector: Array, base: Array, leaves: Sequence[Lea
     groups: dict[object, list[_Wanted]] = {}
     together = len(problem.rig.actuators) >= TOGETHER_FROM
     for w in replayed:
-        own = _own_signal(w)
+        own = _own_signal(problem, w)
         shared = together and w.actuator is not None
         groups.setdefault(w.key if shared or own is not None else w.column, []).append(w)
     rows = list(groups.values())
@@ -80,7 +80,7 @@ def fill_bank(problem: Problem, vector: Array, base: Array, leaves: Sequence[Lea
                 if len(group) == 1:
                     out[:, w.column] = change
                     continue
-                own = _own_signal(w)
+                own = _own_signal(problem, w)
                 for x in problem.series:
                     if x.signal == own or (own is None and x.actuator == w.actuator):
                         out[x.part, w.column] = change[x.part]
@@ -118,6 +118,8 @@ def _sensor_column(problem: Problem, w: _Wanted, base: Array, out: Array) -> boo
     signal, _, effect = place.rpartition(".")
     if effect not in ("sensor_bias", "sensor_scale"):
         return False
+    if signal != "imu" and signal not in problem.signals:  # a sensor whose answers drive the twin
+        return False
     for x in problem.series:
         if x.signal != signal and not (signal == "imu" and x.actuator == "imu"):
             continue
@@ -129,11 +131,11 @@ def _sensor_column(problem: Problem, w: _Wanted, base: Array, out: Array) -> boo
     return True
 
 
-def _own_signal(w: _Wanted) -> str | None:
+def _own_signal(problem: Problem, w: _Wanted) -> str | None:
     """The signal that a column changes alone, where it is the latency of one."""
     name = next(iter(w.changes))
     signal = name.removesuffix(".sensor_latency.delay")
-    return signal if signal != name and signal != "imu" else None
+    return signal if signal != name and signal in problem.signals else None
 
 
 def _centre(problem: Problem, signal: str) -> float:

@@ -19,16 +19,17 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.gap.bank import Bank, fill_bank
 from hil.gap.diagnosis import Cause, Diagnosis, ParameterValue
-from hil.gap.evidence import Weighed, classes, temper, weigh
-from hil.gap.fit import Calibrated, Fit, calibrated, changes_of, fit, huber
+from hil.gap.evidence import Weighed, classes, weigh
+from hil.gap.fit import Calibrated, Fit, calibrated, changes_of, fit, loss
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
-from hil.gap.heldout import score, split, touched
+from hil.gap.heldout import Score, score, split, touched
 from hil.gap.leaves import Leaf, Start, find_leaves
-from hil.gap.locate import RATIO, locate
+from hil.gap.locate import locate
 from hil.gap.nuisances import Nuisance, default_nuisances
 from hil.gap.problem import Problem
 from hil.gap.residual import Refit
+from hil.gap.restrict import noise_of, part_of
 from hil.gap.result import Located
 from hil.gap.rounding import coarse_steps
 from hil.gap.runs import as_runs
@@ -38,9 +39,9 @@ from hil.runs import Run
 Array = NDArray[np.float64]
 Report = Callable[[str], None]
 
-SINGLES: Final = 6
+SINGLES: Final = 5
 """Candidates that are fitted alone."""
-WORTH: Final = 0.12
+WORTH: Final = 0.25
 """Of the best linear gain, below which no candidate is fitted."""
 PAIRS: Final = 3
 LEFT: Final = 1.35
@@ -50,6 +51,8 @@ EXPLAINED: Final = 0.78
 SOFT: Final = 0.06
 SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
+WELL: Final = 0.93
+"""Share explained from which on nothing more is looked for."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 CI: Final = 1.645
@@ -88,7 +91,7 @@ def _calibration(healthy: Sequence[Run], rig: RigFile, seed: int) -> list[Nuisan
     """Nuisances as the references leave them: where they stand, and as wide as they may still drift."""
     found = locate(healthy, rig, seed=seed)
     e = found.evidence
-    by_name = {n.name: n for n in default_nuisances(rig, e.problem.signals, e.timing.delays_s)}
+    by_name = {n.name: n for n in default_nuisances(rig, e.problem.signals)}
     out = []
     for f in found.nuisances:
         n = by_name[f.name]
@@ -111,13 +114,16 @@ def explain(
     """The diagnosis of what `locate` found, whose `nuisances` are given."""
     say = report or (lambda _: None)
     e = located.evidence
-    problem = e.problem
-    train, held_out = split(problem, _run_numbers(problem))
-    chosen = nuisances or default_nuisances(problem.rig, problem.signals, e.timing.delays_s)
-    steps = {} if "sensor_quantisation" in without else coarse_steps(problem)
+    whole = e.problem
+    ends, held_out = split(whole, _run_numbers(whole))
+    chosen = tuple(nuisances or default_nuisances(whole.rig, whole.signals))
+    steps = {} if "sensor_quantisation" in without else coarse_steps(whole)
     if not (located.is_gap or steps or _strained(located)):
         return _no_gap(located, held_out)
-    c = calibrated(problem, e.noise, chosen, Refit(e.vector, e.residual, e.jacobian, ()), train)
+    problem, rows = part_of(whole, ends)
+    noise = noise_of(e.noise, whole, problem, rows)
+    start = Refit(e.vector, e.residual[rows], e.jacobian[rows], ())
+    c = calibrated(problem, noise, chosen, start)
     none = fit(c, (), {})
     if none is None:
         raise AssertionError("the calibrated twin stood a moment ago")
@@ -128,7 +134,9 @@ def explain(
     search = Search(c, bank)
     fits = [none, *_single_fits(c, none, search, leaves, without, steps, say)]
     fits += _joint_fits(c, fits, search, leaves, say)
-    return _answer(located, c, none, fits, bank, ~train, held_out, seed)
+    held = np.ones(whole.size, dtype=bool)
+    held[rows] = False
+    return _answer(located, c, fits, bank, held, held_out, seed)
 
 
 def _run_numbers(problem: Problem) -> list[int]:
@@ -168,7 +176,8 @@ def _single_fits(
         found = fit(c, [leaf], changes_of([leaf], p.starts, c.problem))
         if found is not None:
             out.append(found)
-    if LOST not in without:
+    well = max((explained(c, none, f) for f in out), default=0.0)
+    if LOST not in without and well < WELL:
         say("looking for lost frames")
         lost = fit_lost_frames(c, none)
         if lost is not None:
@@ -201,7 +210,11 @@ def _joint_fits(
     ranked = sorted(fits[1:], key=lambda f: f.cost(c.train) + f.prior_cost + f.extra_cost)
     heads = [f for f in ranked if f.leaves[0].name in index][:2]
     for size in (2, 3):
-        if not heads or _largest_ratio(c, heads[0]) < LEFT:
+        if (
+            not heads
+            or _largest_ratio(c, heads[0]) < LEFT
+            or explained(c, fits[0], heads[0]) > WELL
+        ):
             break
         proposals: dict[tuple[int, ...], Proposal] = {}
         for head in heads:
@@ -250,12 +263,13 @@ def _relative(c: Calibrated, known: dict[str, float]) -> dict[str, float]:
 def _largest_ratio(c: Calibrated, f: Fit) -> float:
     """Largest root mean square residual of a signal on training samples, in its floor."""
     floors = c.noise.floor(c.problem)
+    tame = c.noise.tamed(f.residual)
     worst = 0.0
     for signal in c.problem.signals:
         total, count = 0.0, 0
         for x in c.problem.series:
             if x.signal == signal:
-                r = f.residual[x.part][c.train[x.part]]
+                r = tame[x.part][c.train[x.part]]
                 total += float(r @ r)
                 count += len(r)
         if count:
@@ -265,48 +279,62 @@ def _largest_ratio(c: Calibrated, f: Fit) -> float:
 
 def explained(c: Calibrated, none: Fit, f: Fit) -> float:
     """Share of the whitened gap above the noise that a fit takes away on training samples, 0..1."""
-    before = float(np.sum(np.minimum(none.white[c.train] ** 2, 400.0)))
-    after = float(np.sum(np.minimum(f.white[c.train] ** 2, 400.0)))
-    noise = float(np.sum(c.noise.whiten(c.problem, c.noise.draws.T)[c.train] ** 2)) / len(
-        c.noise.draws
-    )
+    before = float(np.sum(loss(none.white[c.train])))
+    after = float(np.sum(loss(f.white[c.train])))
+    white = c.noise.whiten(c.problem, c.noise.draws.T)[c.train]
+    noise = float(np.sum(loss(white))) / len(c.noise.draws)
     return float(np.clip((before - after) / max(before - noise, 0.02 * noise), 0.0, 1.0))
 
 
 def _answer(
     located: Located,
     c: Calibrated,
-    none: Fit,
     fits: Sequence[Fit],
     bank: Bank,
     held: NDArray[np.bool_],
     held_out: str,
     seed: int,
 ) -> Diagnosis:
+    none = fits[0]
     weighed, worth = weigh(c, fits)
-    named = [w for w in weighed if w.fit.leaves]
-    if not named or not weighed[0].fit.leaves:
+    first = weighed[0].fit
+    if not first.leaves:
         return replace(_no_gap(located, held_out), not_excited=not_excited(c, bank))
-    best = named[0].fit
-    share = explained(c, none, best)
+    share = explained(c, none, first)
     unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
-    ratio = _largest_ratio(c, best)
-    if ratio < 1.3:
+    if _largest_ratio(c, first) < 1.3:
         unknown *= 0.3
     rng = np.random.default_rng(seed + 2)
-    causes = _causes(c, none, weighed, worth, unknown, held, rng)
+    shown = _Shown(located, none, held, rng)
+    causes = _causes(c, none, weighed, worth, unknown, shown)
     chosen = tuple(
         next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
-        for leaf in best.leaves
+        for leaf in first.leaves
     )
-    signals = touched(c, none, best) or c.problem.signals
-    part = score(c, none, best, held, signals, rng)
-    whole = score(c, none, best, held, c.problem.signals, rng)
+    signals = touched(c, none, first) or c.problem.signals
+    part, whole = shown.score(first, signals), shown.score(first, c.problem.signals)
     verdict, sentence = _verdict(chosen, causes, unknown, part.shrink)
     return Diagnosis(
         located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
-        part, whole, held_out, not_excited(c, bank), best, none, c,
+        part, whole, held_out, not_excited(c, bank), first, none, c,
     )  # fmt: skip
+
+
+class _Shown:
+    """Fits on the whole record, held-out samples and all."""
+
+    def __init__(
+        self, located: Located, none: Fit, held: NDArray[np.bool_], rng: np.random.Generator
+    ) -> None:
+        self.e = located.evidence
+        self.held, self.rng = held, rng
+        self.before = self.e.problem.residual(none.vector)
+
+    def score(self, f: Fit, signals: Sequence[str]) -> Score:
+        """Of a fit on held-out samples."""
+        answer = self.e.problem.answers(f.vector)[0]
+        after = np.where(np.isfinite(answer), self.e.problem.measured - answer, self.before)
+        return score(self.e.problem, self.e.noise, self.before, after, self.held, signals, self.rng)
 
 
 def _causes(
@@ -315,12 +343,11 @@ def _causes(
     weighed: Sequence[Weighed],
     worth: dict[str, float],
     unknown: float,
-    held: NDArray[np.bool_],
-    rng: np.random.Generator,
+    shown: _Shown,
 ) -> tuple[Cause, ...]:
     """Every leaf that was fitted, with its probability over all sets that hold it, best first."""
     singles = {w.fit.leaves[0].name: w for w in weighed if len(w.fit.leaves) == 1}
-    best = weighed[0].fit
+    several = len(weighed[0].fit.leaves) > 1
     zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
     probability: dict[str, float] = {}
     source: dict[str, Weighed] = {}
@@ -328,15 +355,15 @@ def _causes(
         for leaf in w.fit.leaves:
             probability[leaf.name] = probability.get(leaf.name, 0.0) + w.probability
             source.setdefault(leaf.name, w)
-    several = len(best.leaves) > 1
     heads = [source[n].fit if several or n not in singles else singles[n].fit for n in source]
     groups = dict(zip(source, classes(c, heads), strict=True))
     mean_worth = float(np.mean(list(worth.values())))
     out = []
     for name, w in source.items():
         leaf = next(x for x in w.fit.leaves if x.name == name)
-        signals = touched(c, none, w.fit) or c.problem.signals
-        shrink = score(c, none, w.fit, held, signals, rng).shrink
+        shrink = None
+        if probability[name] > 0.02:
+            shrink = shown.score(w.fit, touched(c, none, w.fit) or c.problem.signals).shrink
         out.append(
             Cause(
                 leaf.effect, leaf.location, probability[name] * (1.0 - unknown), groups[name],

@@ -7,14 +7,14 @@ noise and rounds. A draw minus the smooth prediction is what a residual is where
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.gap.problem import Problem, Series, run_all
+from hil.gap.ticks import Ticks, acting
 from hil.identify.replay import Stretch
 from hil.sim.twin import Twin
 
@@ -25,15 +25,10 @@ FRAME_BITS: Final = 125
 STAMP_SHARE: Final = 0.02
 """Of a tick of the position loop: no stamp is believed to tell better than that when its value held [R].
 Otherwise an encoder without noise would count a microsecond of timing as gap."""
-WAIT_FRAMES: Final = 2.0
-"""A frame waits for up to so many others: the one on the bus and one of higher priority [R]."""
-
-
-class Wait(NamedTuple):
-    """Shares of the longest wait on the bus by which a drive's setpoints and answers vary."""
-
-    setpoints: float
-    answers: float
+WAIT_FRAMES: Final = 1.0
+"""A frame waits for the one that is on the bus [R]."""
+BUSY: Final = 0.4
+"""Chance that one is [R]."""
 
 
 def longest_wait_s(rig: RigFile) -> float:
@@ -41,73 +36,37 @@ def longest_wait_s(rig: RigFile) -> float:
     return min(WAIT_FRAMES * FRAME_BITS / rig.can.bitrate, rig.bus.setpoint_delay)
 
 
-def at_ticks(problem: Problem, vector: Array) -> Array:
-    """`vector` of the smooth twin with delays that make the drives' ticks act as late on average.
-
-    A smooth setpoint acts half a tick after its arrival; one at the ticks acts at the next of them, which
-    may lie always near or always far where bus cycle and ticks keep step.
-    """
-    bus, out = problem.rig.bus, np.array(vector)
-    if bus.retimed or not problem.smooth:
-        return out
-    tick = bus.position_loop
-    for a in problem.rig.actuator_names:
-        told = [p.setpoints[a][0] for p in problem.pieces if p.mode == "position"]
-        if not told:
-            continue
-        t = np.concatenate(told)
-        i = problem.table.index(f"{a}.transport_delay.delay")
-        wait = longest_wait_s(problem.rig) * (np.linspace(0.0, 1.0, 16) - 0.5)
-        arrivals = (t[:, None] + wait + bus.setpoint_delay).ravel()
-        asked = float(vector[i]) + 0.5 * tick
-        low, high = asked - 1.5 * tick, asked + 0.5 * tick
-        for _ in range(20):  # how late the next tick is rises with the delay: halve
-            middle = 0.5 * (low + high)
-            late = float(np.mean(np.ceil((arrivals + middle) / tick) * tick - arrivals))
-            low, high = (middle, high) if late < asked else (low, middle)
-        out[i] = np.clip(0.5 * (low + high), *_bounds(problem, i))
-    return out
-
-
-def _bounds(problem: Problem, i: int) -> tuple[float, float]:
-    entry = problem.table.entries[i]
-    return entry.lower, entry.upper
-
-
-def draws(
-    problem: Problem,
-    vector: Array,
-    rng: np.random.Generator,
-    count: int,
-    waits: Mapping[str, Wait] | None = None,
-) -> Array:
+def draws(problem: Problem, vector: Array, rng: np.random.Generator, count: int) -> Array:
     """(count, N) residuals of records that the twin itself made, against `problem`'s own prediction.
 
-    `waits`: by actuator the shares of the longest wait by which arrivals and answers vary; default: all.
+    Frames wait for the bus; drives whose ticks are not known have them anywhere.
     """
+    rig = problem.rig
     base = problem.predict(vector)[0]
-    exact = at_ticks(problem, vector)
-    longest_s = longest_wait_s(problem.rig)
+    longest_s = longest_wait_s(rig)
     tasks = []
     for _ in range(count):
-        for k, piece in enumerate(problem.pieces):
-            told = {
-                a: (_waited(t, _wait(waits, a).setpoints * longest_s, rng), v)
-                for a, (t, v) in piece.setpoints.items()
-            }
+        for k, piece in enumerate(problem.sent):
+            told = {}
+            for a, (t, v) in piece.setpoints.items():
+                ticks = problem.clocks.get((k, a)) or _anywhere(rig, rng)
+                told[a] = (acting(rig, _waited(t, longest_s, rng), ticks), v)
             series = [x for x in problem.series if x.stretch == k]
-            stamps = {
-                x.signal: _late(piece, x, problem.rig, _wait(waits, x.actuator), rng)
-                for x in series
-            }
-            twin = Twin(problem.rig, payload=piece.payload)
-            tasks.append((twin.record(told, stamps, mode=piece.mode), exact))
+            stamps = {x.signal: _late(piece, x, rig, rng) for x in series}
+            twin = Twin(rig, smooth=True, payload=piece.payload)
+            tasks.append((twin.record(told, stamps, mode=piece.mode), vector))
     flat = run_all(tasks)
-    per = len(problem.pieces)
+    per = len(problem.sent)
     out = np.array([np.concatenate(flat[d * per : (d + 1) * per]) for d in range(count)])
     for x in problem.series:
-        out[:, x.part] = _sensed(out[:, x.part], problem.rig, x, rng)
+        out[:, x.part] = _sensed(out[:, x.part], rig, x, rng)
     return np.asarray(out - base)
+
+
+def _anywhere(rig: RigFile, rng: np.random.Generator) -> Ticks | None:
+    if rig.bus.retimed or rig.bus.interpolation != "linear":
+        return None
+    return Ticks(float(rng.random()) * rig.bus.position_loop, 0.0, 0.0)
 
 
 def sensor_sigma(rig: RigFile, x: Series) -> float:
@@ -124,22 +83,18 @@ def sensor_noise(rig: RigFile, quantity: str) -> tuple[float, float]:
 
 def _waited(t: Array, wait_s: float, rng: np.random.Generator) -> Array:
     """Send stamps with a wait drawn for each, less the mean wait, which the setpoint delay has in."""
-    late = wait_s * (rng.random(len(t)) - 0.5)
+    late = wait_s * (rng.random(len(t)) * (rng.random(len(t)) < BUSY) - 0.5 * BUSY)
     return np.maximum.accumulate(t + late)
 
 
-def _late(piece: Stretch, x: Series, rig: RigFile, wait: Wait, rng: np.random.Generator) -> Array:
+def _late(piece: Stretch, x: Series, rig: RigFile, rng: np.random.Generator) -> Array:
     """Receive stamps moved to where the sample may really have been taken."""
     t = piece.samples[x.signal][0]
-    late = wait.answers * longest_wait_s(rig) * (rng.random(len(t)) - 0.5)
+    late = longest_wait_s(rig) * (rng.random(len(t)) - 0.5)
     if x.actuator != "imu":
         spread_s = max(rig.bus.answer_jitter, STAMP_SHARE * rig.bus.position_loop)
-        late = late + spread_s * rng.standard_normal(len(t))
+        late = spread_s * rng.standard_normal(len(t))
     return np.maximum.accumulate(t - late)
-
-
-def _wait(waits: Mapping[str, Wait] | None, place: str) -> Wait:
-    return Wait(1.0, 1.0) if waits is None else waits.get(place, Wait(1.0, 1.0))
 
 
 def _sensed(values: Array, rig: RigFile, x: Series, rng: np.random.Generator) -> Array:

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.fit import Calibrated, Fit, _size, huber
+from hil.gap.fit import Calibrated, Fit, _size, loss
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def log_evidence(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
     data, mean = 0.0, 0.0
     for x in c.problem.series:
         rows = c.train[x.part]
-        data += float(np.sum(huber(f.white[x.part][rows]))) / worth[x.signal]
+        data += float(np.sum(loss(f.white[x.part][rows]))) / worth[x.signal]
     mean = float(np.mean(list(worth.values())))
     total = -data / TEMPER - f.prior_cost - f.extra_cost
     for name, sd in zip(f.names, f.search_sd, strict=True):

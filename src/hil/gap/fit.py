@@ -24,8 +24,9 @@ from hil.gap.residual import Refit
 
 Array = NDArray[np.float64]
 
-HUBER: Final = 3.0
-ROUNDS: Final = 4
+FREEDOM: Final = 4.0
+"""Of Student's distribution: residuals have the tails of frames that just missed a tick."""
+ROUNDS: Final = 3
 SETTLED: Final = 0.02
 """A round that gains less than this share of what is left ends the fit."""
 WEAK: Final = 30.0
@@ -48,7 +49,7 @@ class Calibrated:
     z: Array
     """(K,) where the nuisances stand, in prior standard deviations."""
     train: Mask
-    """(N,) samples that fits may see."""
+    """(N,) samples that are judged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ class Fit:
 
     def cost(self, train: Mask) -> float:
         """Robust half sum of squares over `train` samples."""
-        return float(np.sum(huber(self.white[train])))
+        return float(np.sum(loss(self.white[train])))
 
     @property
     def prior_cost(self) -> float:
@@ -81,10 +82,9 @@ class Fit:
         return float(0.5 * self.z @ self.z)
 
 
-def huber(white: Array) -> Array:
-    """Half squares, linear beyond HUBER."""
-    size = np.abs(white)
-    return np.asarray(np.where(size <= HUBER, 0.5 * size**2, HUBER * (size - 0.5 * HUBER)))
+def loss(white: Array) -> Array:
+    """Half squares that grow ever slower: minus the log of Student's distribution with FREEDOM."""
+    return np.asarray(0.5 * (FREEDOM + 1.0) * np.log1p(white**2 / FREEDOM))
 
 
 def calibrated(
@@ -92,7 +92,6 @@ def calibrated(
     noise: NoiseModel,
     nuisances: Sequence[Nuisance],
     best: Refit,
-    train: Mask,
 ) -> Calibrated:
     """What fits start from."""
     sd = np.array([n.sd for n in nuisances])
@@ -102,14 +101,14 @@ def calibrated(
     return Calibrated(
         problem, noise, tuple(nuisances), best.vector, best.residual,
         noise.whiten(problem, best.residual),
-        noise.whiten(problem, best.jacobian) * sd, z, train & problem.kept,
+        noise.whiten(problem, best.jacobian) * sd, z, problem.kept,
     )  # fmt: skip
 
 
 def own_nuisances(c: Calibrated, leaves: Sequence[Leaf]) -> list[int]:
     """Nuisances that are parameters of `leaves` and so are not held by their priors any more."""
     mine = {p for leaf in leaves for p in leaf.parameters}
-    return [k for k, n in enumerate(c.nuisances) if mine.intersection(n.names)]
+    return [k for k, n in enumerate(c.nuisances) if n.name in mine]
 
 
 def fit(
@@ -195,7 +194,7 @@ def _size(p: object, x: float) -> float:
 
 
 def _total(c: Calibrated, white: Array, z: Array) -> float:
-    return float(np.sum(huber(white[c.train])) + 0.5 * z @ z)
+    return float(np.sum(loss(white[c.train])) + 0.5 * z @ z)
 
 
 def _at(
@@ -210,8 +209,7 @@ def _at(
 ) -> Array:
     out = np.array(vector)
     for k, step in zip(held, sd * dz, strict=True):
-        for name in c.nuisances[k].names:
-            out[c.problem.table.index(name)] += step
+        out[c.problem.table.index(c.nuisances[k].name)] += step
     for i, p, s in zip(index, entries, x, strict=True):
         out[i] = min(max(p.from_search(float(s)), p.lower), p.upper)  # type: ignore[attr-defined]
     return out
@@ -268,7 +266,7 @@ def _robust_step(
     new, information = np.array(here), np.eye(n)
     for _ in range(3):
         left = np.abs(white - J @ (new - here))
-        weight = np.minimum(1.0, HUBER / np.maximum(left, 1e-12))
+        weight = (FREEDOM + 1.0) / (FREEDOM + left**2)
         weighted = J * weight[:, None]
         information = weighted.T @ J + np.diag(ridge**2)
         gradient = weighted.T @ (white + J @ here) + ridge**2 * centre

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.fit import HUBER, Calibrated, Fit, huber
+from hil.gap.fit import Calibrated, Fit, loss
 from hil.gap.leaves import Leaf, Start
 from hil.gap.problem import Problem, run_all
 from hil.identify.replay import Stretch
@@ -59,8 +59,8 @@ def fit_lost_frames(c: Calibrated, none: Fit) -> Fit | None:
     frames = sum(len(t) for p in problem.pieces for t, _ in p.setpoints.values())
     dropped = Problem(
         problem.rig,
-        [_without(p, one) for p, one in zip(problem.pieces, lost, strict=True)],
-        smooth=problem.smooth,
+        [_without(p, one) for p, one in zip(problem.sent, lost, strict=True)],
+        clocks=problem.clocks,
         settle_s=problem.settle_s,
     )
     answer = dropped.answers(none.vector)[0]
@@ -95,8 +95,8 @@ def _find(c: Calibrated, none: Fit) -> list[Lost]:
         for first in range(EVERY):
             answer = np.concatenate(flat[first * per : (first + 1) * per])
             mark = c.noise.whiten(problem, np.where(np.isfinite(answer), answer - base, 0.0))
-            gain = huber(none.white) - huber(none.white - mark)
-            gain[np.abs(mark) < 0.05 / HUBER] = 0.0
+            gain = loss(none.white) - loss(none.white - mark)
+            gain[np.abs(mark) < 0.02] = 0.0
             for x in problem.series:
                 if x.actuator != a:
                     continue

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.fit import Calibrated, Fit
+from hil.gap.noise import NoiseModel
 from hil.gap.problem import Mask, Problem
 
 Array = NDArray[np.float64]
@@ -34,22 +35,22 @@ class Score:
     shrink_ci: tuple[float, float] | None
 
 
-def split(problem: Problem, runs: Sequence[int]) -> tuple[Mask, str]:
-    """(N,) the samples that fits may see, and in words what is held out.
+def split(problem: Problem, runs: Sequence[int]) -> tuple[list[float | None], str]:
+    """For each stretch until when fits may see it (None: not at all), and in words what is held out.
 
     `runs`: the run that each stretch belongs to. The last of several runs is held out, of one its end.
     """
-    train = np.zeros(problem.size, dtype=bool)
+    ends: list[float | None] = []
     if len(set(runs)) > 1:
         last = max(runs)
-        for x in problem.series:
-            train[x.part] = runs[x.stretch] != last
+        for p, r in zip(problem.pieces, runs, strict=True):
+            ends.append(None if r == last else p.span_s[1])
         names = [p.name for p, r in zip(problem.pieces, runs, strict=True) if r == last]
-        return train, ", ".join(names)
-    for x in problem.series:
-        start, end = problem.pieces[x.stretch].span_s
-        train[x.part] = problem.t_s[x.part] < end - HELD_SHARE * (end - start)
-    return train, f"the last {100.0 * HELD_SHARE:.0f} % of the record's time"
+        return ends, ", ".join(names)
+    for p in problem.pieces:
+        start, end = p.span_s
+        ends.append(end - HELD_SHARE * (end - start))
+    return ends, f"the last {100.0 * HELD_SHARE:.0f} % of the record's time"
 
 
 def touched(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
@@ -65,23 +66,30 @@ def touched(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
 
 
 def score(
-    c: Calibrated, none: Fit, f: Fit, held: Mask, signals: Sequence[str], rng: np.random.Generator
+    problem: Problem,
+    noise: NoiseModel,
+    before: Array,
+    after: Array,
+    held: Mask,
+    signals: Sequence[str],
+    rng: np.random.Generator,
 ) -> Score:
-    """Before and after on `held` samples of `signals`, with the interval of resampled blocks of time."""
-    floors = c.noise.floor(c.problem)
+    """Residuals (N,) `before` and `after` on `held` samples of `signals`; interval by resampled blocks."""
+    floors = noise.floor(problem)
+    before, after = noise.tamed(before), noise.tamed(after)
     blocks: dict[tuple[int, int], Array] = {}
-    for x in c.problem.series:
+    for x in problem.series:
         if x.signal not in signals:
             continue
-        rows = held[x.part] & c.problem.kept[x.part]
+        rows = held[x.part] & problem.kept[x.part]
         if not rows.any():
             continue
-        t = c.problem.t_s[x.part][rows]
-        b = ((t - c.problem.pieces[x.stretch].span_s[0]) / BLOCK_S).astype(int)
+        t = problem.t_s[x.part][rows]
+        b = ((t - problem.pieces[x.stretch].span_s[0]) / BLOCK_S).astype(int)
         f2 = floors[x.signal] ** 2
         parts = np.stack(
-            [none.residual[x.part][rows] ** 2 / f2, f.residual[x.part][rows] ** 2 / f2,
-             np.mean(c.noise.draws[:, x.part][:, rows] ** 2, axis=0) / f2, np.ones(rows.sum())]
+            [before[x.part][rows] ** 2 / f2, after[x.part][rows] ** 2 / f2,
+             np.mean(noise.draws[:, x.part][:, rows] ** 2, axis=0) / f2, np.ones(rows.sum())]
         )  # fmt: skip
         for k in np.unique(b):
             key = (x.stretch, int(k))
@@ -91,9 +99,9 @@ def score(
         return Score(tuple(signals), 0.0, 0.0, 0.0, None, None)
     table = np.array(list(blocks.values()))
     picks = rng.multinomial(len(table), np.full(len(table), 1.0 / len(table)), RESAMPLES)
-    before, after, floor = _rms(table.sum(axis=0)[None])[0]
+    was, now, floor = _rms(table.sum(axis=0)[None])[0]
     drawn = _rms(picks @ table)
-    shrink = _shrink(before, after, floor)
+    shrink = _shrink(was, now, floor)
     ci = None
     if shrink is not None:
         values = [_shrink(*row) for row in drawn]
@@ -101,7 +109,7 @@ def score(
         if len(found) > RESAMPLES // 2:
             low, high = np.quantile(found, [0.05, 0.95])
             ci = (float(low), float(high))
-    return Score(tuple(signals), float(before), float(after), float(floor), shrink, ci)
+    return Score(tuple(signals), float(was), float(now), float(floor), shrink, ci)
 
 
 def _rms(sums: Array) -> Array:

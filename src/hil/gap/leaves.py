@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config import Actuator, AxisGeometry
+from hil.config import Actuator, AxisGeometry, BicycleFile
 from hil.gap.periods import force_periods, lead_periods
 from hil.gap.problem import Problem
 
@@ -67,6 +67,10 @@ def find_leaves(
     `hil.gap.frames`) are not among them.
     """
     rig = problem.rig
+    if isinstance(rig, BicycleFile):
+        from hil.gap.bicycle.leaves import ride_leaves  # which builds on this module
+
+        return ride_leaves(problem, without)
     motion = problem.motion(vector)
     out: list[Leaf] = []
     for a in rig.actuators:

@@ -15,7 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hil.config import AxisGeometry, RigFile
-from hil.gap.arrivals import find_timing
+from hil.gap.arrivals import find_clocks
 from hil.gap.cells import Cells, count_cells
 from hil.gap.noise import find_noise, projected
 from hil.gap.nuisances import Nuisance, default_nuisances
@@ -72,19 +72,18 @@ def locate(
     smooth = Problem(rig, pieces)
     findings += check_answers(smooth)
     refuse(findings)
-    timing = find_timing(smooth, rng)
-    problem, start = smooth.with_ticks(smooth=timing.smooth), timing.start(smooth)
-    chosen = nuisances or default_nuisances(rig, problem.signals, timing.delays_s)
-    guess = find_noise(problem, start, timing, rng, count=2)
-    best = refit(problem, guess, chosen, start)
+    problem = smooth.with_clocks(find_clocks(smooth))
+    chosen = nuisances or default_nuisances(rig, problem.signals)
+    guess = find_noise(problem, problem.base, rng, count=2)
+    best = refit(problem, guess, chosen)
     found = find_noise(
-        problem, best.vector, timing, rng, repeats=find_repeats(problem), residual=best.residual
+        problem, best.vector, rng, repeats=find_repeats(problem), residual=best.residual
     )
     found = projected(found, problem, best.jacobian, best.prior_sd)
     motion = problem.motion(best.vector)
-    cells = count_cells(problem, found, best.residual, region_codes(problem, motion))
+    cells = count_cells(problem, found, found.tamed(best.residual), region_codes(problem, motion))
     evidence = Evidence(
-        problem, found, timing, best.vector, best.residual, best.jacobian, tuple(motion), cells
+        problem, found, best.vector, best.residual, best.jacobian, tuple(motion), cells
     )
     names = tuple(run.path.name for run in loaded)
     return _answer(rig, names, evidence, best, findings, rng)

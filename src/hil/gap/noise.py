@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from hil.gap.arrivals import Timing
 from hil.gap.draws import draws, longest_wait_s, sensor_sigma
 from hil.gap.problem import Problem
 from hil.gap.repeats import Repeats
@@ -32,7 +31,9 @@ DRAWS: Final = 6
 WINDOW_S: Final = 0.3
 """Over which the spread of the draws is averaged in time."""
 ORDER: Final = 6
-LEVEL_RANGE: Final = (0.5, 3.0)
+SPIKE: Final = 6.0
+"""Typical spreads beyond which a residual counts no more: frames that just missed a tick kick far harder."""
+LEVEL_RANGE: Final = (0.3, 3.0)
 """Times the noise model; more than that in the fastest part of a residual is gap."""
 
 
@@ -44,7 +45,7 @@ class NoiseModel:
     text: str
     draws: Array
     sigma: Array
-    """(N,) spread of a residual without a gap at each sample."""
+    """(N,) typical spread (by the median) of a residual without a gap at each sample."""
     ar: tuple[Array, ...]
     """Of each series: terms of the autoregression of draws over sigma."""
     gain: tuple[float, ...]
@@ -61,6 +62,10 @@ class NoiseModel:
         for x, ar, gain in zip(problem.series, self.ar, self.gain, strict=True):
             out[x.part] = lfilter(np.concatenate([[1.0], -ar]) / gain, [1.0], z[x.part], axis=0)
         return np.asarray(out * problem.kept.reshape(shape))
+
+    def tamed(self, flat: Array) -> Array:
+        """(N,) residuals with spikes cut at SPIKE times the typical spread, as those of the draws are."""
+        return np.asarray(np.clip(flat, -SPIKE * self.sigma, SPIKE * self.sigma))
 
     def floor(self, problem: Problem) -> dict[str, float]:
         """Root mean square of the draws of each signal over its judged samples."""
@@ -95,18 +100,20 @@ def from_draws(
     sigma = np.empty(problem.size)
     terms, gains = [], []
     for x in problem.series:
-        part = drawn[:, x.part]
+        part = np.abs(drawn[:, x.part])
         t = problem.t_s[x.part]
-        power = np.mean(part**2, axis=0)
+        typical = 1.4826 * np.median(part, axis=0)
         width = max(round(WINDOW_S / max(float(np.median(np.diff(t))), 1e-6)), 1)
         window = np.ones(2 * width + 1)
-        smooth = np.convolve(power, window, "same") / np.convolve(np.ones(len(t)), window, "same")
-        sigma[x.part] = np.sqrt(np.maximum(smooth, (0.3 * sensor_sigma(problem.rig, x)) ** 2))
+        smooth = np.convolve(typical, window, "same") / np.convolve(np.ones(len(t)), window, "same")
+        sigma[x.part] = np.maximum(smooth, 0.8 * sensor_sigma(problem.rig, x))
         kept = problem.kept[x.part]
-        ar, gain = _autoregression((part / sigma[x.part])[:, kept])
+        rows = np.clip(drawn[:, x.part] / sigma[x.part], -4.0, 4.0)[:, kept]
+        ar, gain = _autoregression(rows)
         terms.append(ar)
         gains.append(gain)
-    return NoiseModel(source, text, drawn, sigma, tuple(terms), tuple(gains))
+    tame = np.clip(drawn, -SPIKE * sigma, SPIKE * sigma)
+    return NoiseModel(source, text, tame, sigma, tuple(terms), tuple(gains))
 
 
 def _autoregression(z: Array) -> tuple[Array, float]:
@@ -124,7 +131,6 @@ def _autoregression(z: Array) -> tuple[Array, float]:
 def find_noise(
     problem: Problem,
     vector: Array,
-    timing: Timing,
     rng: np.random.Generator,
     *,
     repeats: Sequence[Repeats] = (),
@@ -136,13 +142,14 @@ def find_noise(
     With the `residual` at `vector` the draws are brought to the level of its fastest part, in which noise
     is and a gap hardly; it is needed where `repeats` are given.
     """
-    drawn = draws(problem, vector, rng, count, timing.waits)
-    most = max((w.setpoints for w in timing.waits.values()), default=1.0)
-    wait_us = 1e6 * most * longest_wait_s(problem.rig)
-    ticks = "between the drives' ticks" if timing.smooth else "at the drives' ticks"
+    drawn = draws(problem, vector, rng, count)
+    wait_us = 1e6 * longest_wait_s(problem.rig)
+    ticks = (
+        "at the drives' ticks as read from the record" if problem.clocks else "anywhere in a tick"
+    )
     text = (
         f"noise model: the rig file's sensor noise and rounding, answers' jitter, setpoints that act {ticks} "
-        f"after waits that vary by up to {wait_us:.0f} µs; {count} records drawn from the twin itself"
+        f"after waits of up to {wait_us:.0f} µs; {count} records drawn from the twin itself"
     )
     if residual is not None:
         drawn, factors = _by_finest(problem, drawn, residual)

@@ -7,7 +7,7 @@ a nuisance at its bound is an alarm: the rig file is wrong there, or an effect p
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -43,25 +43,14 @@ class Nuisance:
     name: str
     sd: float
     unit: str
-    tied: tuple[str, ...] = ()
-    """Parameters that move with it by as much."""
     mean: float = 0.0
     """Of the prior, from the rig file's value: what a healthy reference was found to have."""
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """All parameters that move."""
-        return (self.name, *self.tied)
 
-
-def default_nuisances(
-    rig: RigFile, signals: Iterable[str], aligned: Container[str] = ()
-) -> tuple[Nuisance, ...]:
+def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, ...]:
     """Mass, its place, viscous friction, delays, level, offsets of forces and of the IMU.
 
-    Only those that the recorded `signals` can feel are given. Of a drive whose ticks were `aligned`
-    (`hil.gap.arrivals`) the setpoints' delay is known and that of its answers is free; of others the one
-    delay that both make together, for between ticks the two can hardly be told apart.
+    Only those that the recorded `signals` can feel are given.
     """
     known = set(signals)
     axis = isinstance(rig.geometry, AxisGeometry)
@@ -73,15 +62,12 @@ def default_nuisances(
         sd = max(VISCOUS * a.viscous, 1e-3 * a.force_max)
         out.append(Nuisance(f"{a.name}.viscous_friction.coefficient", sd, "N·s/m"))
         out.append(Nuisance(f"{a.name}.coulomb_friction.force", COULOMB * a.coulomb, "N"))
-        if rig.bus.setpoint_delay > 0.0 and a.name not in aligned:
+        if rig.bus.setpoint_delay > 0.0:
             out.append(Nuisance(f"{a.name}.transport_delay.delay", DELAY_S, "s"))
-        answers = [
-            f"{a.name}.{q}.sensor_latency.delay"
-            for q in ("position", "velocity", "force", "current")
-            if f"{a.name}.{q}" in known
-        ]
-        if a.name in aligned and answers:
-            out.append(Nuisance(answers[0], LATENCY_S, "s", tuple(answers[1:])))
+        for quantity in ("position", "velocity", "force", "current"):
+            if f"{a.name}.{quantity}" in known:
+                delay = f"{a.name}.{quantity}.sensor_latency.delay"
+                out.append(Nuisance(delay, LATENCY_S, "s"))
         if f"{a.name}.force" in known:
             sd = max(0.5 * rig.noise.force, FORCE_BIAS * a.force_max)
             out.append(Nuisance(f"{a.name}.force.sensor_bias.offset", sd, "N"))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.errors import IdentificationError
+from hil.gap.ticks import Clocks, at_ticks
 from hil.identify.replay import Stretch
 from hil.sim.parameters import ParameterTable
 from hil.sim.twin import Replay, Twin
@@ -59,8 +60,8 @@ class Series:
 class Problem:
     """Measured and predicted samples of some stretches of one rig; N samples.
 
-    `smooth`: setpoints act between the drives' ticks, as they do on average when nobody knows how a tick
-    lies against a stamp; otherwise at the ticks that the stamps say (`hil.sim.drive_loops`).
+    `clocks`: where the ticks of the drives lie, as far as that is known (`hil.gap.arrivals`); setpoints of the
+    others act half a tick after their arrival, as they do on average.
     IdentificationError where a stretch lacks setpoints, or nothing can be judged.
     """
 
@@ -69,12 +70,15 @@ class Problem:
         rig: RigFile,
         pieces: Sequence[Stretch],
         *,
-        smooth: bool = True,
+        clocks: Clocks | None = None,
         settle_s: float = SETTLE_S,
     ) -> None:
         self.rig = rig
-        self.pieces = tuple(pieces)
-        self.smooth = smooth
+        self.sent = tuple(pieces)
+        """Stretches as they were recorded."""
+        self.clocks: Clocks = {} if clocks is None else clocks
+        self.pieces = tuple(at_ticks(rig, pieces, self.clocks))
+        """Stretches whose setpoints act at the drives' ticks."""
         self.settle_s = settle_s
         self.table = ParameterTable(rig)
         self.base: Array = self.table.from_effects(rig.effects)
@@ -110,9 +114,9 @@ class Problem:
     def job(self, piece: Stretch) -> Replay:
         """A stretch packed for the twin, answering its judged signals at their instants."""
         stamps = {name: piece.samples[name][0] for name in judged(self.rig, piece)}
-        return self._job(piece, self.smooth, stamps)
+        return self._job(piece, stamps)
 
-    def _job(self, piece: Stretch, smooth: bool, stamps: Mapping[str, Array]) -> Replay:
+    def _job(self, piece: Stretch, stamps: Mapping[str, Array]) -> Replay:
         missing = [
             a for a in self.rig.actuator_names if not len(piece.setpoints.get(a, ((), ()))[0])
         ]
@@ -122,7 +126,7 @@ class Problem:
                 f"{piece.name}: holds no {', '.join(f'{a}.{kind}' for a in missing)}, so the twin cannot "
                 "replay it"
             )
-        twin = Twin(self.rig, smooth=smooth, payload=piece.payload)
+        twin = Twin(self.rig, smooth=True, payload=piece.payload)
         return twin.record(piece.setpoints, stamps, mode=piece.mode)
 
     def _samples(self, x: Series) -> tuple[Array, Array]:
@@ -150,11 +154,13 @@ class Problem:
         """Every judged signal once."""
         return tuple(dict.fromkeys(x.signal for x in self.series))
 
-    def with_ticks(self, *, smooth: bool) -> Problem:
-        """The same data, with setpoints that act between ticks or at them."""
-        if smooth == self.smooth:
-            return self
-        return Problem(self.rig, self.pieces, smooth=smooth, settle_s=self.settle_s)
+    def with_clocks(self, clocks: Clocks) -> Problem:
+        """The same data, with the drives' ticks elsewhere."""
+        return Problem(self.rig, self.sent, clocks=clocks, settle_s=self.settle_s)
+
+    def on(self, pieces: Sequence[Stretch], clocks: Clocks) -> Problem:
+        """The same questions of other stretches."""
+        return Problem(self.rig, pieces, clocks=clocks, settle_s=self.settle_s)
 
     def answers(self, vectors: Array) -> Array:
         """(B, N) samples for B parameter vectors (B, P of the table); NaN where the twin cannot stand."""
@@ -252,7 +258,7 @@ class Problem:
                 for q in ("position", "velocity", "force")
             ]
             delay = self.rig.bus.answer_delay
-            jobs.append((self._job(piece, True, dict.fromkeys(names, t + delay)), vector))
+            jobs.append((self._job(piece, dict.fromkeys(names, t + delay)), vector))
             grids.append(t)
         flat = run_all(jobs)
         return [

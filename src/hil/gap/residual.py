@@ -72,7 +72,7 @@ def refit(
     Priors are centred on the rig file's values plus their own means, whatever `start` is. `jacobian` (N, K): sensitivities known
     from a nearby point; they are computed anew only where steps by them stop to help.
     """
-    names = [n.names for n in nuisances]
+    names = [n.name for n in nuisances]
     sd = np.array([n.sd for n in nuisances])
     index = [problem.table.index(n.name) for n in nuisances]
     centre = problem.base[index] + np.array([n.mean for n in nuisances])
@@ -114,11 +114,10 @@ def refit(
 
 
 def _moved(problem: Problem, nuisances: Sequence[Nuisance], vector: Array, steps: Array) -> Array:
-    """`vector` with each nuisance, and what is tied to it, moved by its step."""
+    """`vector` with each nuisance moved by its step."""
     out = np.array(vector)
     for n, step in zip(nuisances, steps, strict=True):
-        for name in n.names:
-            out[problem.table.index(name)] += step
+        out[problem.table.index(n.name)] += step
     return out
 
 

@@ -9,7 +9,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.arrivals import Timing
 from hil.gap.cells import Cells
 from hil.gap.noise import NoiseModel
 from hil.gap.problem import Problem
@@ -64,7 +63,6 @@ class Evidence:
 
     problem: Problem
     noise: NoiseModel
-    timing: Timing
     vector: Array
     """The twin's parameters after the refit."""
     residual: Array
@@ -145,6 +143,8 @@ def unit_of(rig_is_rotary: bool, signal: str) -> str:
     place, _, quantity = signal.rpartition(".")
     if place == "imu":
         return "rad/s" if quantity.startswith("gyro") else "m/s²"
+    if place == "bicycle":
+        return "N·m"
     units = {"position": "m", "velocity": "m/s", "force": "N", "current": "A"}
     rotary = {"position": "rad", "velocity": "rad/s", "force": "N·m", "current": "A"}
     return (rotary if rig_is_rotary else units)[quantity]

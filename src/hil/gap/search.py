@@ -114,7 +114,9 @@ class Search:
         return a, float(b @ s - 0.5 * s @ scaled @ s)
 
 
-ONE_SIDED: Final = frozenset({"compliance", "hysteresis", "load_friction"})
+ONE_SIDED: Final = frozenset(
+    {"compliance", "hysteresis", "load_friction", "front_suspension", "tyre_compliance"}
+)
 NEAR: Final = frozenset(
     {"backlash", "force_saturation", "velocity_saturation", "transport_delay", "sensor_latency"}
 )

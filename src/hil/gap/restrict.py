@@ -1,0 +1,43 @@
+"""A part of a problem with its noise: the training data by themselves, so that fits replay no more."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.noise import NoiseModel
+from hil.gap.problem import Problem
+
+Index = NDArray[np.int64]
+
+
+def part_of(problem: Problem, ends_s: Sequence[float | None]) -> tuple[Problem, Index]:
+    """The stretches of `problem` up to `ends_s` (None: left out whole), and the samples that they are."""
+    kept = [k for k, end in enumerate(ends_s) if end is not None]
+    pieces = [problem.sent[k].until(float(ends_s[k])) for k in kept]  # type: ignore[arg-type]
+    clocks = {(kept.index(k), a): c for (k, a), c in problem.clocks.items() if k in kept}
+    small = problem.on(pieces, clocks)
+    places = {(x.stretch, x.signal): x.part.start for x in problem.series}
+    parts = []
+    for x in small.series:
+        start = places[kept[x.stretch], x.signal]
+        parts.append(np.arange(start, start + x.part.stop - x.part.start))
+    return small, np.concatenate(parts)
+
+
+def noise_of(noise: NoiseModel, problem: Problem, small: Problem, rows: Index) -> NoiseModel:
+    """The noise of the samples `rows`."""
+    terms = {}
+    for x, ar, gain in zip(problem.series, noise.ar, noise.gain, strict=True):
+        terms[x.part.start] = (ar, gain)
+    starts = [int(rows[x.part.start]) for x in small.series]
+    return replace(
+        noise,
+        draws=noise.draws[:, rows],
+        sigma=noise.sigma[rows],
+        ar=tuple(terms[s][0] for s in starts),
+        gain=tuple(terms[s][1] for s in starts),
+    )

@@ -1,0 +1,55 @@
+"""Ticks of the drives' own clocks, and setpoints moved to where they act at them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.config import RigFile
+from hil.identify.replay import Stretch
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Ticks:
+    """Ticks of a drive in one stretch: at `phase_s` plus whole periods when it begins, off by `rate` s/s."""
+
+    phase_s: float
+    rate: float
+    origin_s: float
+
+    def place(self, t: Array) -> Array:
+        """Where the ticks lie at instants `t`, s beside whole periods."""
+        return np.asarray(self.phase_s + self.rate * (t - self.origin_s))
+
+
+Clocks = Mapping[tuple[int, str], Ticks]
+"""By stretch and actuator."""
+
+
+def acting(rig: RigFile, t_sent: Array, ticks: Ticks | None) -> Array:
+    """Send instants as the smooth twin must be told them, so that each acts at the drive's own tick."""
+    if ticks is None:
+        return t_sent
+    tick, delay = rig.bus.position_loop, rig.bus.setpoint_delay
+    there = t_sent + delay
+    place = ticks.place(there)
+    acts = np.ceil((there - place) / tick - 1e-6) * tick + place
+    return np.asarray(np.maximum.accumulate(acts - delay - 0.5 * tick))
+
+
+def at_ticks(rig: RigFile, pieces: Sequence[Stretch], clocks: Clocks) -> list[Stretch]:
+    """Stretches whose setpoints act at the ticks of the drives' clocks."""
+    return [
+        replace(
+            p,
+            setpoints={
+                a: (acting(rig, t, clocks.get((k, a))), v) for a, (t, v) in p.setpoints.items()
+            },
+        )
+        for k, p in enumerate(pieces)
+    ]
