@@ -23,9 +23,9 @@ from hil.gap.evidence import Weighed, classes, weigh
 from hil.gap.fit import Calibrated, Fit, calibrated, changes_of, fit, loss
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
-from hil.gap.heldout import Score, score, split, touched
+from hil.gap.heldout import Score, score, split, touched, traces
 from hil.gap.leaves import Leaf, Start, find_leaves
-from hil.gap.locate import locate
+from hil.gap.locate import RATIO, locate
 from hil.gap.nuisances import Nuisance, default_nuisances
 from hil.gap.problem import Problem
 from hil.gap.residual import Refit
@@ -51,6 +51,10 @@ EXPLAINED: Final = 0.78
 SOFT: Final = 0.06
 SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
+CLEAR: Final = 15.0
+"""Nats of evidence from which on a candidate is more than a chance among many [set on training cases]."""
+MATERIAL: Final = 0.75
+"""Floors that its trace must have on some signal."""
 WELL: Final = 0.93
 """Share explained from which on nothing more is looked for."""
 VISIBLE: Final = 0.3
@@ -263,7 +267,7 @@ def _relative(c: Calibrated, known: dict[str, float]) -> dict[str, float]:
 def _largest_ratio(c: Calibrated, f: Fit) -> float:
     """Largest root mean square residual of a signal on training samples, in its floor."""
     floors = c.noise.floor(c.problem)
-    tame = c.noise.tamed(f.residual)
+    tame = c.noise.tamed(c.problem, f.residual)
     worst = 0.0
     for signal in c.problem.signals:
         total, count = 0.0, 0
@@ -297,16 +301,22 @@ def _answer(
 ) -> Diagnosis:
     none = fits[0]
     weighed, worth = weigh(c, fits)
-    first = weighed[0].fit
-    if not first.leaves:
+    zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
+    weighed = [w for w in weighed if w.fit.leaves]
+    if not weighed:
+        return replace(_no_gap(located, held_out), not_excited=not_excited(c, bank))
+    first, gain = weighed[0].fit, weighed[0].log_evidence - zero
+    is_large = _largest_ratio(c, none) > RATIO
+    is_clear = gain > CLEAR and max(traces(c, none, first).values()) > MATERIAL
+    if not (is_large or is_clear):
         return replace(_no_gap(located, held_out), not_excited=not_excited(c, bank))
     share = explained(c, none, first)
     unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
-    if _largest_ratio(c, first) < 1.3:
-        unknown *= 0.3
+    if gain < CLEAR:
+        unknown = max(unknown, 0.9)
     rng = np.random.default_rng(seed + 2)
     shown = _Shown(located, none, held, rng)
-    causes = _causes(c, none, weighed, worth, unknown, shown)
+    causes = _causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(
         next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
         for leaf in first.leaves
@@ -343,12 +353,12 @@ def _causes(
     weighed: Sequence[Weighed],
     worth: dict[str, float],
     unknown: float,
+    zero: float,
     shown: _Shown,
 ) -> tuple[Cause, ...]:
     """Every leaf that was fitted, with its probability over all sets that hold it, best first."""
     singles = {w.fit.leaves[0].name: w for w in weighed if len(w.fit.leaves) == 1}
     several = len(weighed[0].fit.leaves) > 1
-    zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
     probability: dict[str, float] = {}
     source: dict[str, Weighed] = {}
     for w in weighed:

@@ -44,7 +44,8 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], dict[str, 
     best = min(fits, key=lambda f: f.cost(c.train) + f.prior_cost)
     worth = temper(c, best)
     logs = np.array([log_evidence(c, f, worth) for f in fits])
-    p = np.exp(logs - logs.max())
+    real = np.array([bool(f.leaves) for f in fits])
+    p = np.exp(np.where(real, logs - logs[real].max(), -np.inf)) if real.any() else np.ones(1)
     p /= p.sum()
     order = np.argsort(-logs)
     return [Weighed(fits[k], float(logs[k]), float(p[k])) for k in order], worth

@@ -53,16 +53,21 @@ def split(problem: Problem, runs: Sequence[int]) -> tuple[list[float | None], st
     return ends, f"the last {100.0 * HELD_SHARE:.0f} % of the record's time"
 
 
-def touched(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
-    """Signals that a fit changes by a visible part of their floor."""
+def traces(c: Calibrated, none: Fit, f: Fit) -> dict[str, float]:
+    """By signal, by how many floors (root mean square) a fit changes it."""
     floors = c.noise.floor(c.problem)
-    out = []
+    change = c.noise.tamed(c.problem, none.residual - f.residual)
+    out = {}
     for signal in c.problem.signals:
         rows = _rows(c.problem, signal, c.problem.kept)
-        d = none.residual[rows] - f.residual[rows]
-        if len(d) and np.sqrt(np.mean(d**2)) > TOUCHED * floors[signal]:
-            out.append(signal)
-    return tuple(out)
+        if len(rows):
+            out[signal] = float(np.sqrt(np.mean(change[rows] ** 2))) / floors[signal]
+    return out
+
+
+def touched(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
+    """Signals that a fit changes by a visible part of their floor."""
+    return tuple(s for s, size in traces(c, none, f).items() if size > TOUCHED)
 
 
 def score(
@@ -76,7 +81,7 @@ def score(
 ) -> Score:
     """Residuals (N,) `before` and `after` on `held` samples of `signals`; interval by resampled blocks."""
     floors = noise.floor(problem)
-    before, after = noise.tamed(before), noise.tamed(after)
+    before, after = noise.tamed(problem, before), noise.tamed(problem, after)
     blocks: dict[tuple[int, int], Array] = {}
     for x in problem.series:
         if x.signal not in signals:

@@ -81,7 +81,9 @@ def locate(
     )
     found = projected(found, problem, best.jacobian, best.prior_sd)
     motion = problem.motion(best.vector)
-    cells = count_cells(problem, found, found.tamed(best.residual), region_codes(problem, motion))
+    cells = count_cells(
+        problem, found, found.tamed(problem, best.residual), region_codes(problem, motion)
+    )
     evidence = Evidence(
         problem, found, best.vector, best.residual, best.jacobian, tuple(motion), cells
     )

@@ -19,6 +19,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
+from scipy.ndimage import median_filter
 from scipy.signal import lfilter
 
 from hil.gap.draws import draws, longest_wait_s, sensor_sigma
@@ -31,8 +32,9 @@ DRAWS: Final = 6
 WINDOW_S: Final = 0.3
 """Over which the spread of the draws is averaged in time."""
 ORDER: Final = 6
-SPIKE: Final = 6.0
-"""Typical spreads beyond which a residual counts no more: frames that just missed a tick kick far harder."""
+SPIKE: Final = 4.0
+"""Typical spreads by which a residual may leave its neighbours: frames that just missed a tick kick harder."""
+NEIGHBOURS: Final = 5
 LEVEL_RANGE: Final = (0.3, 3.0)
 """Times the noise model; more than that in the fastest part of a residual is gap."""
 
@@ -63,9 +65,9 @@ class NoiseModel:
             out[x.part] = lfilter(np.concatenate([[1.0], -ar]) / gain, [1.0], z[x.part], axis=0)
         return np.asarray(out * problem.kept.reshape(shape))
 
-    def tamed(self, flat: Array) -> Array:
-        """(N,) residuals with spikes cut at SPIKE times the typical spread, as those of the draws are."""
-        return np.asarray(np.clip(flat, -SPIKE * self.sigma, SPIKE * self.sigma))
+    def tamed(self, problem: Problem, flat: Array) -> Array:
+        """(N,) residuals with spikes cut, as those of the draws are."""
+        return tame(problem, self.sigma, flat)
 
     def floor(self, problem: Problem) -> dict[str, float]:
         """Root mean square of the draws of each signal over its judged samples."""
@@ -112,8 +114,19 @@ def from_draws(
         ar, gain = _autoregression(rows)
         terms.append(ar)
         gains.append(gain)
-    tame = np.clip(drawn, -SPIKE * sigma, SPIKE * sigma)
-    return NoiseModel(source, text, tame, sigma, tuple(terms), tuple(gains))
+    tamed = np.array([tame(problem, sigma, d) for d in drawn])
+    return NoiseModel(source, text, tamed, sigma, tuple(terms), tuple(gains))
+
+
+def tame(problem: Problem, sigma: Array, flat: Array) -> Array:
+    """(N,) residuals that leave the median of their neighbours by no more than SPIKE typical spreads."""
+    out = np.empty_like(flat)
+    for x in problem.series:
+        r = flat[x.part]
+        middle = median_filter(r, NEIGHBOURS, mode="nearest")
+        most = SPIKE * sigma[x.part]
+        out[x.part] = middle + np.clip(r - middle, -most, most)
+    return out
 
 
 def _autoregression(z: Array) -> tuple[Array, float]:

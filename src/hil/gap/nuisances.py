@@ -16,12 +16,12 @@ from hil.config import AxisGeometry, RigFile
 LIMIT: Final = 3.0
 """Bound of a nuisance in standard deviations of its prior."""
 
-MASS: Final = 0.015
+MASS: Final = 0.01
 """Of the platform's mass: a scale under the rig [R]."""
-COG_M: Final = 0.005
-VISCOUS: Final = 0.10
+COG_M: Final = 0.003
+VISCOUS: Final = 0.07
 """Of the rig file's own viscous friction: it follows the oil's temperature [R]."""
-COULOMB: Final = 0.10
+COULOMB: Final = 0.06
 """Of the rig file's own Coulomb friction: it follows wear, oil and load [R]."""
 DELAY_S: Final = 0.0002
 """A setpoint's way to its drive: mean wait on the bus and phase of the drive's ticks [R]."""
