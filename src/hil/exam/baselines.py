@@ -54,7 +54,11 @@ class Ground:
         e = located.evidence
         runs = [r.path.name for r in case.runs]
         run_of = [runs.index(p.name.partition(" (")[0]) for p in e.problem.pieces]
-        train, _ = split(e.problem, run_of)
+        ends, _ = split(e.problem, run_of)
+        train = np.zeros(e.problem.size, dtype=bool)
+        for x in e.problem.series:
+            end = ends[x.stretch]
+            train[x.part] = end is not None and e.problem.t_s[x.part] < end
         nuisances = tuple(default_nuisances(case.rig, e.problem.signals))
         best = refit(_only(e.problem, train), e.noise, nuisances, e.vector)
         kept = e.problem.kept
@@ -102,7 +106,7 @@ class Ground:
                 start[i] = mine.base[i] = value
         moved = [n for e in effects for n in _moving(mine, e)]
         names = {n.name for n in moved}
-        nuisances = [n for n in self.nuisances if not names & set(n.names)]
+        nuisances = [n for n in self.nuisances if n.name not in names]
         found = refit(mine, self.evidence.noise, (*nuisances, *moved), start)
         return found.residual, {n: float(found.vector[mine.table.index(n)]) for n in names}
 
@@ -152,7 +156,7 @@ def _candidates(rig: RigFile, ground: Ground) -> list[Effect]:
     white = e.noise.whiten(problem, ground.residual)
     normal = np.linalg.inv(A.T @ A + np.eye(A.shape[1]))
     white = white - A @ (normal @ (A.T @ white))
-    known = {name for n in ground.nuisances for name in n.names}
+    known = {n.name for n in ground.nuisances}
     seen: list[tuple[float, Effect]] = []
     for location, effect in _leaves(rig, problem, known):
         start = _start(problem, location, effect)

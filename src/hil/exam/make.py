@@ -22,7 +22,7 @@ from hil.exam.excite import FAMILIES, draw_motion
 from hil.exam.menu import Recipe, draw_recipe, effects_of
 from hil.exam.odd import draw_outside, outside_of
 from hil.exam.rigs import RIGS, draw_rig
-from hil.exam.severity import Bench, effect_of, solve_size
+from hil.exam.severity import Bench, Solved, effect_of, solve_size
 from hil.exam.world import OUTSIDE, Scatter, World, play
 from hil.exam.world.body import Outside
 from hil.exam.world.play import WorldError
@@ -127,8 +127,9 @@ def _make(order: Order, number: int, kind: str, rng: np.random.Generator, out: P
     ]
     seeds = [(int(rng.integers(2**31)), int(rng.integers(2**31))) for _ in range(len(motions) + 1)]
     bench = Bench.of(rig, scatter, motions[0], seeds[0], "imu" in signals)
-    severity = float(rng.choice(order.severities))
-    effects, outside, told = _drawn(order, kind, rig, signals, bench, durations[0], severity, rng)
+    asked = float(rng.choice(order.severities))
+    effects, outside, solved = _drawn(order, kind, rig, signals, bench, durations[0], asked, rng)
+    severity = min((_severity(order, s.reached) for s in solved), default=0.0)
     payloads = [
         _payload(rig, rng) if k and rng.random() < 0.3 else None for k in range(len(motions))
     ]
@@ -160,8 +161,8 @@ def _make(order: Order, number: int, kind: str, rng: np.random.Generator, out: P
         ],
         "kind": kind,
         "rig": order.rigs[number % len(order.rigs)],
-        "severity": 0.0 if kind == "none" else severity,
-        "traces": told,
+        "severity": severity,
+        "traces": [{n: round(x, 3) for n, x in s.traces.items() if x > 0.3} for s in solved],
         "families": families,
         "scatter_seed": scatter.seed,
         "made_with": {"seed": order.seed, "number": number},
@@ -180,26 +181,31 @@ def _drawn(
     duration_s: float,
     severity: float,
     rng: np.random.Generator,
-) -> tuple[tuple[Effect, ...], tuple[Outside, ...], list[dict[str, float]]]:
-    """Effects of a case of `kind`, each solved to the severity alone, and its traces by signal."""
+) -> tuple[tuple[Effect, ...], tuple[Outside, ...], list[Solved]]:
+    """Effects of a case of `kind`, each solved to the severity by itself."""
     count = {"none": 0, "double": 2, "triple": 3}.get(kind, 1)
     effects: list[Effect] = []
     outside: list[Outside] = []
-    told: list[dict[str, float]] = []
+    found: list[Solved] = []
     for _ in range(ATTEMPTS):
-        if len(told) == count:
-            return tuple(effects), tuple(outside), told
+        if len(found) == count:
+            return tuple(effects), tuple(outside), found
         recipe = _recipe(order, kind, rig, signals, duration_s, rng)
         if any(e.effect == recipe.effect for e in effects):
             continue
-        solved = solve_size(bench, recipe, severity)
+        solved = solve_size(bench, recipe, severity, rng.uniform(1.0, 1.6))
         if solved is None:
             continue
-        more, odd = effect_of(recipe, solved[0])
+        more, odd = effect_of(recipe, solved.size)
         effects += more
         outside += odd
-        told.append({s: round(x, 3) for s, x in solved[1].items() if x > 0.3})
+        found.append(solved)
     raise WorldError(f"{rig.name}: no {kind} effect shows {severity:g} times the floor here")
+
+
+def _severity(order: Order, reached: float) -> float:
+    """The largest severity of the order that an effect reaches: one that cannot be small stands higher."""
+    return max((s for s in order.severities if s < 1.2 * reached), default=min(order.severities))
 
 
 def _recipe(

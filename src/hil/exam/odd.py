@@ -90,7 +90,7 @@ def draw_outside(rig: RigFile, kind: str, duration_s: float, rng: np.random.Gene
     if kind == "soft_base":
         rate, damping = 2.0 * math.pi * u(4.0, 8.0), u(0.02, 0.06)
         return _out(
-            kind, "platform", lambda s: {"ratio": s, "rate": rate, "damping": damping}, 0.1, 0.6
+            kind, "platform", lambda s: {"ratio": s, "rate": rate, "damping": damping}, 0.2, 0.9
         )
     if kind == "failing_counterbalance":
         first, second, phase = u(5.0, 9.0), u(2.3, 4.0), u(0.0, 6.28)

@@ -24,7 +24,7 @@ from hil.exam.world.play import Played, WorldError, play
 Array = NDArray[np.float64]
 
 NEAR: Final = math.log(1.12)
-TRIES: Final = 9
+TRIES: Final = 12
 LOOK_S: Final = 18.0
 FOLLOWS: Final = 0.12
 """A rig that strays further from its setpoints, in strokes, would have been stopped."""
@@ -103,35 +103,67 @@ def effect_of(recipe: Recipe, size: float) -> tuple[tuple[Effect, ...], tuple[Ou
     return (line,), ()
 
 
-def solve_size(
-    bench: Bench, recipe: Recipe, severity: float
-) -> tuple[float, dict[str, float]] | None:
-    """Size at which `recipe` has this severity, and its traces; None where no sane size has it."""
-    size, slope = recipe.guess, 1.0
-    last: tuple[float, float] | None = None
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """A size, the traces that it has by signal, and the largest of them."""
+
+    size: float
+    traces: dict[str, float]
+    reached: float
+
+
+def solve_size(bench: Bench, recipe: Recipe, severity: float, lift: float = 1.2) -> Solved | None:
+    """The size at which `recipe` has this severity; None where no sane size has it.
+
+    Where that would lie within what a calibration sets right, the size is `lift` times the smallest that does
+    not, and the severity higher than asked. Secants in the logarithms, halving where one side is known.
+    """
+    size = recipe.guess
+    below: tuple[float, float] | None = None
+    above: tuple[float, float] | None = None
     for _ in range(TRIES):
         try:
             traces = bench.trace(*effect_of(recipe, size))
+            reached = max(traces.values())
         except WorldError:
-            if last is None:
-                size *= 0.2
-                continue
+            reached = math.inf
+        if 0.0 < reached < math.inf and abs(math.log(reached / severity)) < NEAR:
+            return _no_smaller(bench, recipe, Solved(size, traces, reached), lift)
+        if reached < severity:
+            below = (size, reached)
+        else:
+            above = (size, reached)
+        if above is not None and above[0] <= recipe.smallest:
+            return _no_smaller(bench, recipe, Solved(size, {}, 0.0), lift)
+        if below is not None and below[0] >= recipe.largest:
             return None
-        reached = max(traces.values())
-        if reached > 0.0 and abs(math.log(reached / severity)) < NEAR:
-            return (size, traces) if size >= recipe.smallest else None
-        if reached > severity and size <= recipe.smallest:
-            return None
-        if last is not None and reached > 0.0 and last[1] > 0.0 and size != last[0]:
-            found = math.log(reached / last[1]) / math.log(size / last[0])
-            slope = min(max(found, 0.35), 3.0)
-        last = (size, reached)
-        factor = 2.0 if reached <= 0.0 else (severity / reached) ** (1.0 / slope)
-        new = min(size * min(max(factor, 0.02), 4.0), recipe.largest)
-        if new == size:
-            return None
-        size = new
+        if below is not None and above is not None:
+            size = _between(below, above, severity)
+            continue
+        factor = 0.3 if reached == math.inf else severity / max(reached, 0.25 * severity)
+        size = min(size * max(factor, 0.05), recipe.largest)
     return None
+
+
+def _between(below: tuple[float, float], above: tuple[float, float], severity: float) -> float:
+    """A size between one that shows too little and one that shows too much."""
+    x0, x1 = math.log(below[0]), math.log(above[0])
+    share = 0.5
+    if below[1] > 0.0 and above[1] < math.inf:
+        share = math.log(severity / below[1]) / math.log(above[1] / below[1])
+    return math.exp(x0 + min(max(share, 0.15), 0.85) * (x1 - x0))
+
+
+def _no_smaller(bench: Bench, recipe: Recipe, found: Solved, lift: float) -> Solved | None:
+    """`found`, or the smallest size that is no matter of calibration."""
+    if found.size >= recipe.smallest and found.traces:
+        return found
+    size = min(lift * recipe.smallest, recipe.largest)
+    try:
+        traces = bench.trace(*effect_of(recipe, size))
+    except WorldError:
+        return None
+    return Solved(size, traces, max(traces.values()))
 
 
 def _strict(t: Array) -> Array:
