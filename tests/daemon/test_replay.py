@@ -1,5 +1,6 @@
 """A recorded run through the control code again: the same to the frame, or a difference one can read."""
 
+import asyncio
 import json
 import shutil
 
@@ -9,6 +10,9 @@ from typer.testing import CliRunner
 from hil.bus.faults import Drop, NodeOff
 from hil.cli.app import app
 from hil.configfile import data_folder, rig_toml
+from hil.daemon.gateway_recording import Recording
+from hil.daemon.ipc import Sources
+from hil.daemon.recording import keep
 from hil.daemon.records import FrameRecord, InputRecord
 from hil.daemon.replay import Replay, replay_run
 from hil.daemon.simulated import EPOCH, SimulatedSession
@@ -133,6 +137,51 @@ def test_the_drive_file_that_ran_is_kept_and_is_what_is_replayed(run, tmp_path):
     assert invoke(other).exit_code == 1
     shutil.rmtree(other / "drives")  # a run from before they were kept
     assert invoke(other).exit_code == 0
+
+
+def switched(folder, *, off_s, most_bytes=None):
+    """A ride whose recording is switched off for a while, and the folders of both parts."""
+    told = []
+    recording = Recording(folder, rig_toml(RIG), RIG, told.append)
+    session = Session(RIG)
+    session.on_record = lambda record: recording.put(
+        lambda recorder: keep(recorder, record, RIG, Sources(RIG.actuator_names))
+    )
+
+    async def scene():
+        await recording.start()
+        first = recording.path
+        session.engaged(1.0)
+        assert (await recording.stop("test")).ok
+        assert recording.path is None
+        if most_bytes is not None:
+            recording._thread.recorder._left = most_bytes
+        session.ride(off_s)
+        await recording.start()
+        second = recording.path
+        session.ride(0.5)
+        session.leave()
+        await recording.close("test")
+        assert recording.dropped == 0
+        return first, second
+
+    runs = asyncio.run(scene())
+    assert sorted(folder.iterdir()) == sorted(runs)
+    return runs
+
+
+def test_a_recording_that_was_switched_on_later_is_replayed_from_the_daemons_start(tmp_path):
+    first, second = (replay_run(run, RIG, PROFILES) for run in switched(tmp_path, off_s=1.0))
+    assert first.is_same
+    assert second.is_same
+    assert second.lost == 0
+    assert second.frames > first.frames + 100
+
+
+def test_one_that_began_after_more_than_is_kept_says_so(tmp_path):
+    _, second = switched(tmp_path, off_s=0.5, most_bytes=1000)
+    with pytest.raises(RunError, match="begins in the middle"):
+        replay_run(second, RIG, PROFILES)
 
 
 def test_the_command_says_that_all_is_the_same(run):

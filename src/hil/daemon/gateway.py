@@ -96,7 +96,7 @@ class Gateway:
         finally:
             self._loop.remove_reader(self._channel.fileno())
             await clients.finish()
-            await self._recording.stop("the gateway has ended")
+            await self._recording.close("the gateway has ended")
             if server is not None:
                 server.close()
 

@@ -1,6 +1,7 @@
 """Records on a thread of its own, because the end of a chunk takes tens of milliseconds.
 
-The loop only puts values into a queue; cues and states do not wait for the disk.
+The loop only puts values into a queue; cues and states do not wait for the disk. While nothing is recorded,
+the journal alone is kept, so that a recording switched on later can be replayed too.
 """
 
 from __future__ import annotations
@@ -16,13 +17,16 @@ from typing import Final
 from hil.config import RigFile
 from hil.errors import RunError
 from hil.messages import CommandReply
+from hil.runs.between import MOST_BYTES, Between
+from hil.runs.folder import JOURNAL
 from hil.runs.recorder import Recorder
 from hil.signals import Event
 
 MOST_WAITING: Final = 200_000
 """Calls that may wait for the disk; at a thousand values a second, minutes."""
 
-Write = Callable[[Recorder], None]
+AnyRecorder = Recorder | Between
+Write = Callable[[AnyRecorder], None]
 
 
 class Recording:
@@ -37,6 +41,9 @@ class Recording:
         self._rig = rig
         self._on_end = on_end
         self._thread: RecorderThread | None = None
+        self._told: list[RecorderThread] = []
+        """Whose journals, one after the other, hold all that control was told from its start on."""
+        self._can_keep = True
         self.dropped = 0
         """Values that no recording could take, since the start."""
 
@@ -48,6 +55,8 @@ class Recording:
 
     def put(self, write: Write) -> None:
         """Queue a call of the recorder, if there is one; returns at once."""
+        if self._thread is None:
+            self._keep_the_journal()
         if self._thread is not None and not self._thread.put(write):
             self.dropped += 1
 
@@ -55,30 +64,58 @@ class Recording:
         """Begin a recording, unless one runs."""
         if self.path is not None:
             return CommandReply(True, f"already recording into {self.path}")
-        await self.stop("a new recording begins")
         try:
-            self._thread = RecorderThread(self._folder, self._rig_text, self._rig, self._on_end)
+            recorder = Recorder(self._folder, self._rig_text, self._rig, time.monotonic())
         except RunError as error:
             return CommandReply(False, f"not recording: {error}")
-        return CommandReply(True, f"recording into {self._thread.path}")
+        earlier, old = self._told, self._thread
+        self._thread = RecorderThread(recorder, self._on_end, earlier)
+        self._told = [self._thread]
+        if old is not None:
+            await asyncio.to_thread(old.stop, "a new recording begins")
+        return CommandReply(True, f"recording into {recorder.path}")
 
     async def stop(self, reason: str) -> CommandReply:
         """End the recording, if one runs; `reason` is kept in its run.toml."""
-        thread, self._thread = self._thread, None
-        if thread is None:
+        thread = self._thread
+        if thread is None or not isinstance(thread.recorder, Recorder):
             return CommandReply(True, "not recording")
+        self._thread = None
+        self._keep_the_journal()
         ended = await asyncio.to_thread(thread.stop, reason)
         return CommandReply(ended.severity == "info", ended.text)
 
+    async def close(self, reason: str) -> None:
+        """End the recording, and what is kept besides: the gateway ends."""
+        self._can_keep = False
+        await self.stop(reason)
+        for thread in {*self._told, *([self._thread] if self._thread else [])}:
+            await asyncio.to_thread(thread.stop, reason)
+            if isinstance(thread.recorder, Between):
+                thread.recorder.discard()
+
+    def _keep_the_journal(self) -> None:
+        if not self._can_keep:
+            return
+        try:
+            self._thread = RecorderThread(Between(self._folder), self._on_end, [])
+        except RunError:  # no room: what is recorded later begins in the middle, and says so
+            self._can_keep = False
+            return
+        self._told = [*self._told, self._thread]
+
 
 class RecorderThread:
-    """One recording, from construction to `stop`. RunError where the folder cannot be made."""
+    """One recorder at work, from construction to `stop`; first it takes over the journals of `earlier`."""
 
     def __init__(
-        self, folder: Path, rig_text: str, rig: RigFile, on_end: Callable[[Event], None]
+        self,
+        recorder: AnyRecorder,
+        on_end: Callable[[Event], None],
+        earlier: list[RecorderThread],
     ) -> None:
-        self._recorder = Recorder(folder, rig_text, rig, time.monotonic())
-        self.path = self._recorder.path
+        self.recorder = recorder
+        self._earlier = earlier
         self._queue: SimpleQueue[Write | None] = SimpleQueue()
         self._on_end = on_end
         self._reason = "the recorder failed"
@@ -86,9 +123,19 @@ class RecorderThread:
         self._thread.start()
 
     @property
+    def path(self) -> Path | None:
+        """The run folder, if there is one."""
+        return self.recorder.path if isinstance(self.recorder, Recorder) else None
+
+    @property
+    def journal(self) -> Path:
+        """The file of the journal."""
+        return self.recorder.path if self.path is None else self.path / JOURNAL
+
+    @property
     def is_recording(self) -> bool:
         """Whether what is put in is still written."""
-        return self._recorder.stopped is None
+        return self.recorder.stopped is None
 
     def put(self, write: Write) -> bool:
         """Queue a call of the recorder; False if it is too far behind or has ended."""
@@ -99,17 +146,31 @@ class RecorderThread:
 
     def stop(self, reason: str) -> Event:
         """Write what waits, close the files and say how it ended. Blocks: call it off the loop."""
-        self._reason = reason
-        self._queue.put(None)
-        self._thread.join()
-        assert self._recorder.stopped is not None
-        return self._recorder.stopped
+        if self._thread.is_alive():
+            self._reason = reason
+            self._queue.put(None)
+            self._thread.join()
+        assert self.recorder.stopped is not None
+        return self.recorder.stopped
 
     def _work(self) -> None:
         try:
+            self._take_over()
             self._write_until_stopped()
         finally:
-            self._recorder.close(self._reason)
+            self.recorder.close(self._reason)
+
+    def _take_over(self) -> None:
+        earlier, self._earlier = self._earlier, []
+        for thread in earlier:
+            thread.stop("a new recording begins")
+        journals = [thread.journal for thread in earlier]
+        whole = all(t.recorder.is_whole for t in earlier if isinstance(t.recorder, Between))
+        if isinstance(self.recorder, Recorder) and whole and _size(journals) <= MOST_BYTES:
+            self.recorder.journal_of([path for path in journals if path.is_file()])
+        for thread in earlier:
+            if isinstance(thread.recorder, Between):
+                thread.recorder.discard()
 
     def _write_until_stopped(self) -> None:
         is_told = False
@@ -117,11 +178,15 @@ class RecorderThread:
             try:
                 write = self._queue.get(timeout=0.5)
             except Empty:
-                self._recorder.flush()
+                self.recorder.flush()
                 continue
             if write is None:
                 return
-            write(self._recorder)
-            if self._recorder.stopped is not None and not is_told:
+            write(self.recorder)
+            if self.recorder.stopped is not None and not is_told:
                 is_told = True
-                self._on_end(self._recorder.stopped)
+                self._on_end(self.recorder.stopped)
+
+
+def _size(journals: list[Path]) -> int:
+    return sum(path.stat().st_size for path in journals if path.is_file())

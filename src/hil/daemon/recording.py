@@ -19,10 +19,11 @@ from hil.daemon.records import (
 from hil.daemon.wire import encode
 from hil.frames import StampedFrame
 from hil.runs import Recorder
+from hil.runs.between import Between
 from hil.signals import Event
 
 
-def keep(recorder: Recorder, record: Record, rig: RigFile, sources: Sources) -> None:
+def keep(recorder: Recorder | Between, record: Record, rig: RigFile, sources: Sources) -> None:
     """Record what is for keeping; records that only clients care for are passed over."""
     match record:
         case FrameRecord():

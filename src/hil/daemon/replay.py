@@ -121,7 +121,7 @@ class Replay:
         if not isinstance(first, InputRecord) or first.what not in ("start", "listen"):
             raise RunError(
                 "this recording begins in the middle of the daemon's life: what had been told to it "
-                "before is not known, so it cannot be replayed. Record from the start (`hil run --record`)"
+                "before is not known, so it cannot be replayed"
             )
         self._count(first.number)
         self._start_s = first.t_s

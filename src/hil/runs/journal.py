@@ -50,13 +50,13 @@ class JournalSink:
 
 
 class JournalSource:
-    """Iterates over stretches of whole records of the journal of a run folder.
+    """Iterates over stretches of whole records of a journal: that of a run folder, or the file itself.
 
     RunError where there is none. `damage` is a sentence after the iteration if the file is cut or hurt.
     """
 
     def __init__(self, folder: Path) -> None:
-        self.path = folder / JOURNAL
+        self.path = folder if folder.is_file() else folder / JOURNAL
         if not self.path.is_file():
             raise RunError(
                 f"{folder}: has no {JOURNAL}, so it cannot be replayed; only runs that the daemon of "

@@ -49,7 +49,7 @@ from hil.runs.folder import (
     run_mode,
     write_meta,
 )
-from hil.runs.journal import JournalSink
+from hil.runs.journal import JournalSink, JournalSource
 from hil.runs.mcapfile import McapSink
 from hil.signals import Cue, Event, Sample
 
@@ -168,6 +168,14 @@ class Recorder:
         """Record what control was told or sent, as the bytes of its own record, for a replay."""
         if self.stopped is None:
             self._journal.add(record)
+
+    def journal_of(self, earlier: Sequence[Path]) -> None:
+        """Begin the journal with those of before: a replay starts where the daemon started."""
+        for path in earlier:
+            with contextlib.suppress(RunError):  # one that holds nothing
+                for stretch in JournalSource(path):
+                    self.journal(stretch)
+                    self._guarded(lambda: self._journal.flush(self._nanoseconds(self._last_s)))
 
     def flush(self) -> None:
         """Hand all that was recorded to the operating system; also called every half second."""
