@@ -1,0 +1,10 @@
+"""The gap between a bicycle and its model: the same questions, asked of a ride.
+
+`locate_rides` and `diagnose_rides` answer as `hil.gap.locate` and `hil.gap.diagnose` do for driven rigs.
+"""
+
+from hil.gap.bicycle.diagnose import diagnose_rides
+from hil.gap.bicycle.locate import locate_rides
+from hil.gap.bicycle.problem import RideProblem
+
+__all__ = ["RideProblem", "diagnose_rides", "locate_rides"]

@@ -1,0 +1,76 @@
+"""Where a ride and its model differ: by signal, frequency band, speed, load of the front wheel, and time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.bicycle.checks import check_ride
+from hil.bicycle.recorded import prepare
+from hil.config import BicycleFile
+from hil.errors import IdentificationError
+from hil.gap.bicycle.leaves import ride_nuisances
+from hil.gap.bicycle.noise import ride_noise, tempered
+from hil.gap.bicycle.problem import RideProblem
+from hil.gap.cells import count_cells
+from hil.gap.locate import _answer as located
+from hil.gap.noise import projected
+from hil.gap.nuisances import Nuisance
+from hil.gap.regions import Codes
+from hil.gap.residual import refit
+from hil.gap.result import Evidence, Located
+from hil.gap.sanity import Finding
+from hil.runs import Run
+
+Array = NDArray[np.float64]
+
+STILL_M_S = 0.5
+
+
+def locate_rides(
+    runs: Iterable[Run],
+    rig: BicycleFile,
+    *,
+    nuisances: Sequence[Nuisance] | None = None,
+    seed: int = 0,
+) -> Located:
+    """Locate the gap between rides and the bicycle's model; IdentificationError where channels lie."""
+    loaded = list(runs)
+    rides = [prepare(run, rig) for run in loaded]
+    findings = []
+    for ride in rides:
+        for f in (*ride.findings, *check_ride(ride)):
+            if f.verdict == "fault":
+                raise IdentificationError(f"{ride.name}: {f.subject}: {f.text}")
+            severity = "warning" if f.verdict == "warning" else "info"
+            findings.append(Finding(severity, f.subject, f.text))
+    problem = RideProblem(rig, rides)
+    chosen = nuisances or ride_nuisances(rig, problem)
+    rng = np.random.default_rng(seed)
+    noise = ride_noise(problem, problem.base, rng)
+    best = refit(problem, noise, chosen)
+    noise = tempered(noise, problem, best.residual)
+    noise = projected(noise, problem, best.jacobian, best.prior_sd)
+    motion = problem.motion(best.vector)
+    cells = count_cells(problem, noise, noise.tamed(best.residual), _codes(problem, motion))
+    evidence = Evidence(
+        problem, noise, best.vector, best.residual, best.jacobian, tuple(motion), cells
+    )
+    names = tuple(run.path.name for run in loaded)
+    return located(rig, names, evidence, best, findings, rng)
+
+
+def _codes(problem: RideProblem, motion: Sequence[Mapping[str, Array]]) -> list[dict[str, Codes]]:
+    """For each series, by dimension, the region of each of its samples."""
+    out = []
+    for x in problem.series:
+        m = motion[x.stretch]
+        fast = 0.5 * float(np.quantile(m["speed"], 0.95))
+        speed = np.where(m["speed"] < STILL_M_S, 1, np.where(m["speed"] < fast, 2, 3))
+        load = (m["front"] > np.median(m["front"])).astype(np.int64)
+        t = problem.t_s[x.part]
+        time = np.minimum((3.0 * (t - t[0]) / max(t[-1] - t[0], 1e-9)).astype(np.int64), 2)
+        out.append({"speed": speed.astype(np.int64), "load": load, "time": time})
+    return out

@@ -1,0 +1,146 @@
+"""Rides and their twin as the one vector problem that every question about the gap is asked of."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.bicycle.recorded import Ride
+from hil.bicycle.sensors import IMU_SIGNALS
+from hil.config import BicycleFile
+from hil.errors import IdentificationError
+from hil.gap.bicycle.twin import FREE_M_S, LEAN_TORQUE, RideTwin
+from hil.gap.problem import Mask, Problem, Series
+from hil.rigs.bicycle import pack
+from hil.sim.parameters import ParameterTable
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RidePiece:
+    """A ride as a stretch."""
+
+    ride: Ride
+
+    @property
+    def name(self) -> str:
+        """Of the run."""
+        return self.ride.name
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """First and last instant, s on the run's clock."""
+        t = self.ride.t_s
+        return float(t[0]), float(t[-1])
+
+    def until(self, end_s: float) -> RidePiece:
+        """The same ride up to an instant."""
+        count = int(np.searchsorted(self.ride.t_s, end_s, side="right"))
+        return RidePiece(replace(self.ride, angles=self.ride.angles[:count]))
+
+
+class RideProblem(Problem):
+    """Measured and predicted samples of some rides of one bicycle: IMU signals, and the lean torque left.
+
+    IdentificationError where no ride carries an IMU.
+    """
+
+    def __init__(self, rig: BicycleFile, rides: Sequence[Ride]) -> None:
+        self.rig: Any = rig
+        self.rides = tuple(rides)
+        self.clocks = {}
+        self.settle_s = 0.0
+        self.table = ParameterTable(rig)
+        self.base: Array = self.table.from_effects(rig.effects)
+        bicycle = pack(rig)
+        self.twins: list[RideTwin] = []
+        series: list[Series] = []
+        measured: list[Array] = []
+        stamps: list[Array] = []
+        kept: list[Mask] = []
+        pieces = []
+        size = 0
+        for k, recorded in enumerate(rides):
+            signals = [s for s in IMU_SIGNALS if s in recorded.imu]
+            if rig.rider.mass > 0.0:
+                signals.append(LEAN_TORQUE)
+            twin = RideTwin(rig, bicycle, recorded, tuple(signals))
+            self.twins.append(twin)
+            t = recorded.t_s
+            pieces.append(RidePiece(recorded))
+            known = twin.measured()
+            free = twin.speed() > FREE_M_S
+            for s in signals:
+                count = len(known[s])
+                series.append(Series(s, k, slice(size, size + count)))
+                size += count
+                measured.append(known[s])
+                stamps.append(t[twin.judged])
+                kept.append(free if s == LEAN_TORQUE else np.ones(count, dtype=bool))
+        self.pieces: Any = tuple(pieces)
+        self.sent = self.pieces
+        self.series = tuple(series)
+        if not any(x.signal.startswith("imu.") for x in series):
+            raise IdentificationError(
+                f"{', '.join(p.name for p in pieces)}: holds no IMU, without which a ride says nothing "
+                "against its model"
+            )
+        self.measured: Array = np.concatenate(measured)
+        self.t_s: Array = np.concatenate(stamps)
+        self.kept: Mask = np.concatenate(kept)
+
+    def on(self, pieces: Any, clocks: Any) -> RideProblem:
+        """The same questions of other rides."""
+        del clocks  # drives have them
+        return RideProblem(self.rig, [p.ride for p in pieces])
+
+    def values(self, vector: Array) -> dict[str, float]:
+        """A parameter vector by name."""
+        names = (p.name for p in self.table.entries)
+        return dict(zip(names, vector.tolist(), strict=True))
+
+    def answers(self, vectors: Array) -> Array:
+        """(B, N) samples for B parameter vectors (B, P of the table); NaN where the twin cannot stand."""
+        rows = [self.values(v) for v in np.atleast_2d(vectors)]
+        tasks = [(twin, row) for row in rows for twin in self.twins]
+        if len(tasks) == 1:
+            flat = [_flat(*tasks[0])]
+        else:
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                flat = list(pool.map(lambda task: _flat(*task), tasks))
+        per = len(self.twins)
+        return np.array([np.concatenate(flat[b * per : (b + 1) * per]) for b in range(len(rows))])
+
+    def motion(self, vector: Array) -> list[dict[str, Array]]:
+        """For each ride "t", "speed" (m/s), "front" (normal force, N) and "yaw_rate" at its judged rows."""
+        out = []
+        for twin in self.twins:
+            motion = twin.motion(self.values(vector))
+            rows = twin.judged
+            out.append(
+                {
+                    "t": twin.recorded.t_s[rows],
+                    "speed": motion.speed[rows],
+                    "front": motion.normal[rows, 1],
+                    "yaw_rate": motion.qd[rows, 2],
+                }
+            )
+        return out
+
+    def _own_samples(self, group: tuple[str, ...]) -> Mask | None:
+        """Biases of lean, wheel and steer act through the ride: only the IMU's act on their own samples."""
+        if not all(name.startswith("imu.") for name in group):
+            return None
+        return super()._own_samples(group)
+
+
+def _flat(twin: RideTwin, values: dict[str, float]) -> Array:
+    answer = twin.answer(values)
+    return np.concatenate([answer[s] for s in twin.signals])
