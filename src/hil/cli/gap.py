@@ -10,10 +10,12 @@ from rich.table import Column, Table
 
 from hil.cli.console import err, out
 from hil.cli.exam import app as exam
-from hil.configfile import load_rig
+from hil.config import BicycleFile
+from hil.configfile import load_any_rig
 from hil.errors import RunError
 from hil.gap import Located
 from hil.gap import locate as locate_gap
+from hil.gap.bicycle import locate_rides
 from hil.runs import load_run
 from hil.ui.gap_page import gap_page
 
@@ -47,8 +49,12 @@ def locate(
     seed: Annotated[int, typer.Option(min=0, help="Of the noise that is drawn.")] = 0,
 ) -> None:
     """Find the gap by signal, frequency band and operating region, above the floor of noise."""
-    settings = load_rig(rig)
-    found = locate_gap([load_run(path, settings) for path in runs], settings, seed=seed)
+    settings = load_any_rig(rig)
+    loaded = [load_run(path, settings) for path in runs]
+    if isinstance(settings, BicycleFile):
+        found = locate_rides(loaded, settings, seed=seed)
+    else:
+        found = locate_gap(loaded, settings, seed=seed)
     if json is not None and str(json) == "-":
         typer.echo(found.to_json().decode())
     else:
