@@ -24,6 +24,7 @@ COMMANDS: dict[str, str] = {
     "service": "service:app",
     "config": "config:app",
     "rig": "workspace:app",
+    "drive": "drive:app",
     "experiment": "experiment:app",
     "identify": "identify:app",
     "reproduce": "reproduce:app",

@@ -44,7 +44,7 @@ class Describer:
         self._kind = kind_of(rig, profile)
         self._units = units_of(rig)
         self._imu_id = rig.can.imu_base_id if rig.imu else None
-        self._names = _names_of(profile.parameters)
+        self._names = parameter_names(profile.parameters)
         self._readers: dict[int, tuple[str, str, Callable[[Frame], Described]]] = {}
         for i, actuator in enumerate(rig.actuators):
             ids = codec.frame_ids(profile.ids, rig.address(i))
@@ -165,7 +165,7 @@ def describe_imu(base_id: int, frame: Frame) -> Described:
     return Described("imu", name, f"{shown} {unit}  no. {reading.counter}", values)
 
 
-def _names_of(parameters: Parameters) -> dict[int, tuple[str, WireType, float]]:
+def parameter_names(parameters: Parameters) -> dict[int, tuple[str, WireType, float]]:
     """Name, type on the wire and scale of each parameter that the drive file names."""
     groups = (parameters.measurements, parameters.precontrol, parameters.gains)
     names: dict[int, tuple[str, WireType, float]] = {}

@@ -205,8 +205,12 @@ class SimulatedCia402:
             return []
         if node not in (0, self.node):
             return []
-        if command in (codec.NmtCommand.RESET_NODE, codec.NmtCommand.RESET_COMMUNICATION):
+        if command is codec.NmtCommand.RESET_NODE:
             self.reboot(self._now_s)
+        elif command is codec.NmtCommand.RESET_COMMUNICATION:
+            was_referenced = self.is_referenced
+            self.reboot(self._now_s)
+            self.is_referenced = was_referenced
         elif command is codec.NmtCommand.START:
             self.nmt = _NmtState.OPERATIONAL
         else:

@@ -81,6 +81,10 @@ class Cia402Driver:
         self._started_s = 0.0
         self._heartbeat_s = 0.0
         self._nmt: codec.NmtState | None = None
+        self.word = 0
+        """Last status word."""
+        self.is_homing = False
+        """Bit 4 of the control word is set: the drive, in its homing mode, searches its zero."""
         self._position = 0
         self._reference = 0.0
         self._before: float | None = None
@@ -172,7 +176,7 @@ class Cia402Driver:
         if machine.phase is DrivePhase.ABSENT or not machine.started:
             return []  # of an earlier master's making: nobody knows what is mapped
         self._pairs = min(self._pairs + 1, self._slots)
-        self._position = position
+        self._position, self.word = position, word
         machine.took_status(
             now_s, _Said(power, bool(word & VOLTAGE_ENABLED), self._boot.is_referenced)
         )
@@ -300,7 +304,7 @@ class Cia402Driver:
         else:
             if machine.status.power is PowerState.READY_TO_SWITCH_ON:
                 word = PowerCommand.SWITCH_ON.value
-            elif self._boot.mode == "ip":
+            elif self._boot.mode == "ip" or self.is_homing:
                 word |= INTERPOLATE
             target = self._target(setpoint)
         return [Frame(self.frames.rpdo, self._layout.pack(word, round(target)))]

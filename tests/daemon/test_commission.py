@@ -1,0 +1,119 @@
+"""One drive at the desk, over a hub: scan, read, write, jog, home; and what is refused."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from hil.bus.hub import Hub
+from hil.bus.port import open_port
+from hil.config import RigFile
+from hil.daemon import commission_objects as objects
+from hil.daemon.commission import Desk
+from hil.daemon.commission_scan import scan
+from hil.daemon.lock import RigLock
+from hil.drivefiles import load_profiles
+from hil.drives.profiles import Profiles
+from hil.errors import ConfigError, DriveError, ProtocolError, RigInUse
+from hil.sim.rig import SimulatedRig
+from hil.sim.serve import SimulatedRigServer
+from tests.daemon.simulated_rig import rig_file
+
+pytestmark = pytest.mark.timeout(120)
+
+
+@contextmanager
+def served(folder: Path, name: str) -> Iterator[tuple[RigFile, Profiles, SimulatedRig]]:
+    """A simulated rig on a hub, in a thread of its own."""
+    rig = rig_file(name, can={"url": f"hub:{folder / 'bus.sock'}"})
+    profiles = load_profiles(rig)
+    simulated = SimulatedRig(rig, profiles)
+    loop, up = asyncio.new_event_loop(), threading.Event()
+    over = asyncio.Event()
+
+    async def serve() -> None:
+        async with Hub(folder / "bus.sock", rig.can.bitrate):
+            port = open_port(f"{rig.can.url}?node=rig", bitrate_bps=rig.can.bitrate)
+            serving = asyncio.ensure_future(SimulatedRigServer(simulated, port).run())
+            up.set()
+            await over.wait()
+            serving.cancel()
+            await asyncio.gather(serving, return_exceptions=True)
+            port.close()
+
+    thread = threading.Thread(target=loop.run_until_complete, args=(serve(),))
+    thread.start()
+    try:
+        assert up.wait(60.0)
+        yield rig, profiles, simulated
+    finally:
+        loop.call_soon_threadsafe(over.set)
+        thread.join()
+        loop.close()
+
+
+def test_a_cia_402_drive_is_found_read_written_and_jogged(tmp_path: Path) -> None:
+    with served(tmp_path, "axis_canopen") as (rig, profiles, _):
+        (found,) = scan(rig, profiles)
+        assert (found.address, found.actuator) == (1, "axis")
+        assert found.values == {"vendor": 0xABC, "product": 0x402}
+        with Desk(rig, profiles, "axis") as desk:
+            assert objects.read(desk, "0x1008")[1] == "Servo drive after CiA 402"
+            assert objects.write(desk, "following error window", "0x1000")[1] == 0x1000
+            told = dict(objects.info(desk))
+            assert told["Supported drive modes"].endswith("(ip, csp, csv, cst)")
+            assert "switch on disabled" in told["Statusword"]
+            with pytest.raises(DriveError, match="moves the drive"):
+                objects.write(desk, "0x6040", "15")
+            with pytest.raises(ProtocolError, match="no object 'nonsense'"):
+                objects.read(desk, "nonsense")
+            assert desk.jog(0.005, 0.03) == pytest.approx(0.005, abs=5e-4)
+        with Desk(rig, profiles, "axis") as desk:
+            with pytest.raises(ConfigError, match="outside"):
+                desk.jog(1.0, 0.01)
+            with pytest.raises(ConfigError, match="10% of velocity_max"):
+                desk.jog(0.01, 0.3)
+
+
+def test_a_cia_402_drive_homes_by_its_own_method(tmp_path: Path) -> None:
+    with served(tmp_path, "axis_canopen") as (rig, profiles, simulated):
+        (drive,) = simulated.drives
+        drive.is_referenced = False
+        with Desk(rig, profiles, "axis") as desk:
+            desk.home(lambda: objects.set_up_homing(desk) and None, 20.0)
+        assert drive.is_referenced
+
+
+def test_a_lust_drive_is_found_read_written_and_jogged(tmp_path: Path) -> None:
+    with served(tmp_path, "axis") as (rig, profiles, _):
+        (found,) = scan(rig, profiles)
+        assert (found.actuator, found.text) == ("axis", "logs on")
+        with Desk(rig, profiles, "axis") as desk:
+            assert objects.read(desk, "position gain")[1] == pytest.approx(80.0)
+            assert objects.write(desk, "watchdog", "0.2")[1] == pytest.approx(0.2)
+            with pytest.raises(DriveError, match="not among the parameters"):
+                objects.write(desk, "position gain", "90")
+            assert desk.jog(0.005, 0.03) == pytest.approx(0.005, abs=5e-4)
+            with pytest.raises(DriveError, match="no homing over the bus"):
+                desk.home(lambda: None, 1.0)
+
+
+def test_beside_a_daemon_nothing_is_said(tmp_path: Path) -> None:
+    rig = rig_file("axis_canopen", can={"url": f"hub:{tmp_path / 'bus.sock'}"})
+    with (
+        RigLock(rig.name, *rig.can.urls),
+        pytest.raises(RigInUse),
+        Desk(rig, load_profiles(rig), "axis"),
+    ):
+        pass
+
+
+def test_an_actuator_that_there_is_not() -> None:
+    rig = rig_file("axis_canopen")
+    with pytest.raises(ConfigError, match="no actuator 'leg9'"):
+        Desk(rig, load_profiles(rig), "leg9")
