@@ -201,6 +201,7 @@ def _table(group: Group) -> Table:
     table = Table(
         "mark", "value", "95 %", "of", "asked", "",
         title=f"{group.name}: {group.papers} cases", title_justify="left", box=SIMPLE_HEAD,
+        pad_edge=False,
     )  # fmt: skip
     for k, column in enumerate(table.columns):
         column.no_wrap = True

@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from hil.config import Effect, RigFile
 from hil.exam.case import Case
 from hil.gap import Nuisance, Problem, default_nuisances, locate, refit
-from hil.gap.heldout import split
+from hil.gap.heldout import score, split
 from hil.gap.result import Evidence
 from hil.sim import ParameterTable
 
@@ -65,20 +65,6 @@ class Ground:
         return cls(
             e, train & kept, ~train & kept, nuisances, best.vector, best.residual, best.jacobian
         )
-
-    def off(self, residual: Array, signals: Collection[str]) -> tuple[float, float]:
-        """Root mean square of held-out samples of `signals` in their floors, and the floor's own there."""
-        problem, noise = self.evidence.problem, self.evidence.noise
-        floors, tamed = noise.floor(problem), noise.tamed(residual)
-        total, floor, count = 0.0, 0.0, 0
-        for x in problem.series:
-            if x.signal in signals:
-                rows = self.held[x.part]
-                total += float(np.sum((tamed[x.part][rows] / floors[x.signal]) ** 2))
-                drawn = noise.draws[:, x.part][:, rows] / floors[x.signal]
-                floor += float(np.sum(np.mean(drawn**2, axis=0)))
-                count += int(rows.sum())
-        return math.sqrt(total / max(count, 1)), math.sqrt(floor / max(count, 1))
 
     def touched(self, residual: Array) -> tuple[str, ...]:
         """Signals in which `residual` differs visibly from that of the twin without an effect."""
@@ -265,19 +251,22 @@ def _cause(effect: Effect, values: Mapping[str, float], probability: float) -> d
 def _said(
     case: Case, ground: Ground, verdict: str, causes: list[dict[str, Any]], residual: Array
 ) -> dict[str, Any]:
-    signals = ground.touched(residual) or ground.evidence.problem.signals
-    (before, floor), (after, _) = (
-        ground.off(ground.residual, signals),
-        ground.off(residual, signals),
+    e = ground.evidence
+    signals = ground.touched(residual) or e.problem.signals
+    found = score(
+        e.problem,
+        e.noise,
+        ground.residual,
+        residual,
+        ground.held,
+        signals,
+        np.random.default_rng(0),
     )
-    shrink = (before - after) / (before - floor) if before > 1.05 * floor else None
     gap = {
-        "metric": "held-out rms in floors",
-        "before": before,
-        "after": after,
-        "noise_floor": 1.0,
-        "shrink": shrink,
-    }
+        "metric": "rms of held-out samples over the floor, signals that the effect touches",
+        "before": found.before, "after": found.after, "noise_floor": found.floor,
+        "shrink": found.shrink, "shrink_ci": found.shrink_ci,
+    }  # fmt: skip
     return {**_shell(case, verdict, causes), "gap": gap}
 
 

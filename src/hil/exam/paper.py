@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 Leaf = tuple[str, str]
+UNKNOWN: Final[Leaf] = ("unknown", "")
 SET_SHARE: Final = 0.9
 CONFIDENT: Final = 0.9
 NAMED: Final = ("identified", "ambiguous")
@@ -138,14 +139,18 @@ class Paper:
         return [_leaf(c) for c in self.causes if c.get("class") == number]
 
     def credible(self) -> list[Leaf]:
-        """The fewest causes whose probabilities add up to SET_SHARE."""
-        ranked = sorted(self.causes, key=lambda c: -float(c.get("probability") or 0.0))
+        """The fewest causes whose probabilities add up to SET_SHARE.
+
+        "Something unknown" is one of them where the diagnosis gives it a probability of its own.
+        """
+        chances = [(_leaf(c), float(c.get("probability") or 0.0)) for c in self.causes]
+        chances.append((UNKNOWN, float(self.said.get("unknown_probability") or 0.0)))
         out, total = [], 0.0
-        for cause in ranked:
-            out.append(_leaf(cause))
-            total += float(cause.get("probability") or 0.0)
-            if total >= SET_SHARE - 1e-9:
+        for leaf, chance in sorted(chances, key=lambda x: -x[1]):
+            if total >= SET_SHARE - 1e-9 or chance <= 0.0:
                 break
+            out.append(leaf)
+            total += chance
         return out
 
     # --- how far -------------------------------------------------------------------------------------
