@@ -19,6 +19,7 @@ from hil.gap.leaves import Changes, Leaf
 from hil.gap.problem import Problem
 
 Array = NDArray[np.float64]
+Columns = NDArray[np.float32]
 
 TOGETHER_FROM: Final = 3
 """Actuators from which on one replay serves a column of all of them."""
@@ -30,13 +31,9 @@ class Bank:
     """Columns (N, M) of all leaves' starts."""
 
     leaves: tuple[Leaf, ...]
-    columns: Array
+    columns: Columns
     places: tuple[tuple[tuple[int, ...], ...], ...]
     """Of each leaf, for each start, the indices of its columns."""
-
-    def of(self, leaf: int, start: int) -> Array:
-        """(N, P) columns of a start."""
-        return self.columns[:, list(self.places[leaf][start])]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +106,7 @@ ABSOLUTE: Final = ("limit", "velocity", "displacement", "period", "phase", "gap"
 """Parameters of which only the value itself means something, not its distance from neutral."""
 
 
-def _sensor_column(problem: Problem, w: _Wanted, base: Array, out: Array) -> bool:
+def _sensor_column(problem: Problem, w: _Wanted, base: Array, out: Columns) -> bool:
     """Fill the column of a bias or scale of one signal or of the IMU; False for all others."""
     if len(w.changes) != 1:
         return False

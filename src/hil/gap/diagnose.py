@@ -17,8 +17,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hil.config import RigFile
-from hil.gap.bank import Bank, fill_bank
-from hil.gap.diagnosis import Cause, Diagnosis, ParameterValue
+from hil.gap.bank import ABSOLUTE, Bank, fill_bank
+from hil.gap.diagnosis import Cause, Diagnosis, ParameterValue, Verdict
 from hil.gap.evidence import Weighed, classes, weigh
 from hil.gap.fit import Calibrated, Fit, calibrated, changes_of, fit, loss
 from hil.gap.frames import EFFECT as LOST
@@ -51,6 +51,8 @@ EXPLAINED: Final = 0.78
 SOFT: Final = 0.06
 SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
+SUSPECT: Final = 1.2
+"""Floors on any signal from which on candidates are weighed at all."""
 CLEAR: Final = 15.0
 """Nats of evidence from which on a candidate is more than a chance among many [set on training cases]."""
 MATERIAL: Final = 0.75
@@ -122,7 +124,7 @@ def explain(
     ends, held_out = split(whole, _run_numbers(whole))
     chosen = tuple(nuisances or default_nuisances(whole.rig, whole.signals))
     steps = {} if "sensor_quantisation" in without else coarse_steps(whole)
-    if not (located.is_gap or steps or _strained(located)):
+    if not (located.is_gap or steps or _strained(located) or _weighed_ratio(located) > SUSPECT):
         return _no_gap(located, held_out)
     problem, rows = part_of(whole, ends)
     noise = noise_of(e.noise, whole, problem, rows)
@@ -147,6 +149,14 @@ def _run_numbers(problem: Problem) -> list[int]:
     names = [p.name.partition(" (")[0] for p in problem.pieces]
     order = {name: k for k, name in enumerate(dict.fromkeys(names))}
     return [order[n] for n in names]
+
+
+def _weighed_ratio(located: Located) -> float:
+    """Largest usual residual of a signal over its floor."""
+    e = located.evidence
+    left = e.noise.usual(e.problem, e.residual)
+    floors = e.noise.usual(e.problem, e.noise.draws)
+    return max(left[s] / floors[s] for s in left if floors[s] > 0.0)
 
 
 def _strained(located: Located) -> bool:
@@ -252,8 +262,6 @@ def _joint_fits(
 
 def _relative(c: Calibrated, known: dict[str, float]) -> dict[str, float]:
     """Values of fitted parameters as starts give them: for a twin without effects."""
-    from hil.gap.bank import ABSOLUTE
-
     out = {}
     for name, value in known.items():
         p = c.problem.table[name]
@@ -265,20 +273,10 @@ def _relative(c: Calibrated, known: dict[str, float]) -> dict[str, float]:
 
 
 def _largest_ratio(c: Calibrated, f: Fit) -> float:
-    """Largest root mean square residual of a signal on training samples, in its floor."""
-    floors = c.noise.floor(c.problem)
-    tame = c.noise.tamed(c.problem, f.residual)
-    worst = 0.0
-    for signal in c.problem.signals:
-        total, count = 0.0, 0
-        for x in c.problem.series:
-            if x.signal == signal:
-                r = tame[x.part][c.train[x.part]]
-                total += float(r @ r)
-                count += len(r)
-        if count:
-            worst = max(worst, float(np.sqrt(total / count)) / floors[signal])
-    return worst
+    """Largest usual residual of a signal on training samples, in its floor."""
+    left = c.noise.usual(c.problem, f.residual)
+    floors = c.noise.usual(c.problem, c.noise.draws)
+    return max(left[s] / floors[s] for s in left if floors[s] > 0.0)
 
 
 def explained(c: Calibrated, none: Fit, f: Fit) -> float:
@@ -399,7 +397,7 @@ def _parameters(c: Calibrated, f: Fit, leaf: Leaf, worth: float) -> dict[str, Pa
 
 def _verdict(
     chosen: Sequence[Cause], causes: Sequence[Cause], unknown: float, shrink: float | None
-) -> tuple[str, str]:
+) -> tuple[Verdict, str]:
     names = " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in chosen)
     if unknown > 0.5:
         return "unknown", (
@@ -419,18 +417,16 @@ def _verdict(
 
 def not_excited(c: Calibrated, bank: Bank) -> tuple[str, ...]:
     """Candidates that at a usual size would change no signal visibly on these data."""
-    floors = c.noise.floor(c.problem)
-    out = []
-    for k, leaf in enumerate(bank.leaves):
-        worst = 0.0
-        for start in bank.places[k]:
-            for column in start:
-                for signal in c.problem.signals:
-                    parts = [
-                        bank.columns[x.part, column] for x in c.problem.series if x.signal == signal
-                    ]
-                    size = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-                    worst = max(worst, size / floors[signal])
-        if worst < VISIBLE:
-            out.append(leaf.name)
-    return tuple(out)
+    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    weight = 1.0 / c.noise.sigma**2 * c.problem.kept
+    size = np.zeros(bank.columns.shape[1])
+    for signal in c.problem.signals:
+        parts = [x.part for x in c.problem.series if x.signal == signal]
+        total = sum(weight[p] @ bank.columns[p].astype(float) ** 2 for p in parts)
+        share = np.sqrt(total / max(sum(float(weight[p].sum()) for p in parts), 1e-300))
+        size = np.maximum(size, share / max(floors[signal], 1e-300))
+    return tuple(
+        leaf.name
+        for leaf, starts in zip(bank.leaves, bank.places, strict=True)
+        if max((size[k] for start in starts for k in start), default=0.0) < VISIBLE
+    )

@@ -15,12 +15,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.fit import Calibrated, Fit, _size, loss
+from hil.gap.fit import Calibrated, Fit, loss, step_size
 
 Array = NDArray[np.float64]
 
 TEMPER: Final = 2.0
-"""What the evidence of a sample is divided by on top, for what no correlation shows: set on training cases."""
+"""What evidence is divided by on top, for what no correlation shows [set on training cases]."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
 MORE: Final = 4.0
@@ -62,8 +62,8 @@ def temper(c: Calibrated, best: Fit) -> dict[str, float]:
             w = best.white[x.part][c.train[x.part]]
             if len(w) < 20:
                 continue
-            w = np.clip(w, -4.0, 4.0)
-            value += float(np.mean(w**2)) * _correlation_time(w) * len(w)
+            spread = float(1.4826 * np.median(np.abs(w)))
+            value += spread**2 * _correlation_time(np.clip(w, -2.5, 2.5)) * len(w)
             weight += len(w)
         out[signal] = max(value / weight, 1.0) if weight else 1.0
     return out
@@ -86,7 +86,7 @@ def _correlation_time(w: Array) -> float:
 
 def log_evidence(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
     """Nats."""
-    data, mean = 0.0, 0.0
+    data = 0.0
     for x in c.problem.series:
         rows = c.train[x.part]
         data += float(np.sum(loss(f.white[x.part][rows]))) / worth[x.signal]
@@ -94,8 +94,8 @@ def log_evidence(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
     total = -data / TEMPER - f.prior_cost - f.extra_cost
     for name, sd in zip(f.names, f.search_sd, strict=True):
         p = c.problem.table[name]
-        x = p.to_search(float(f.values[f.names.index(name)]))
-        free = RANGE * _size(p, x)
+        at = p.to_search(float(f.values[f.names.index(name)]))
+        free = RANGE * step_size(p, at)
         spread = np.sqrt(2.0 * np.pi) * sd * np.sqrt(TEMPER * mean)
         total += float(np.log(min(spread / free, 1.0))) if spread > 0.0 else 0.0
     return total - MORE * max(len(f.leaves) - 1, 0)
@@ -103,18 +103,9 @@ def log_evidence(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
 
 def distance(c: Calibrated, a: Fit, b: Fit) -> float:
     """Largest root mean square difference of two fits' answers on any signal, in its floor."""
-    floors = c.noise.floor(c.problem)
-    worst = 0.0
-    for signal in c.problem.signals:
-        total, count = 0.0, 0
-        for x in c.problem.series:
-            if x.signal == signal:
-                rows = c.problem.kept[x.part]
-                d = (a.residual[x.part] - b.residual[x.part])[rows]
-                total += float(d @ d)
-                count += len(d)
-        worst = max(worst, float(np.sqrt(total / max(count, 1))) / max(floors[signal], 1e-300))
-    return worst
+    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    between = c.noise.weighted_rms(c.problem, a.residual - b.residual)
+    return max(between[s] / floors[s] for s in between if floors[s] > 0.0)
 
 
 def classes(c: Calibrated, fits: Sequence[Fit]) -> list[int]:

@@ -21,6 +21,7 @@ from hil.gap.noise import NoiseModel
 from hil.gap.nuisances import LIMIT, Nuisance
 from hil.gap.problem import Mask, Problem
 from hil.gap.residual import Refit
+from hil.sim.parameters import Parameter
 
 Array = NDArray[np.float64]
 
@@ -129,19 +130,19 @@ def fit(
     for i, n in zip(index, names, strict=True):
         vector[i] = shifted(problem, n, float(c.vector[i]), start[n])
     x = np.array([p.to_search(float(vector[i])) for p, i in zip(entries, index, strict=True)])
-    ends = [sorted((p.to_search(p.lower), p.to_search(p.upper))) for p in entries]
-    scale = np.array([_size(p, s) for p, s in zip(entries, x, strict=True)])
+    ends = [_ends(p) for p in entries]
+    scale = np.array([step_size(p, s) for p, s in zip(entries, x, strict=True)])
     answer = problem.answers(vector)[0]
     if not np.all(np.isfinite(answer)):
         return None
     residual = problem.measured - answer
     white = c.noise.whiten(problem, residual)
     cost = _total(c, white, z)
-    covariance = np.diag((WEAK * scale) ** 2)
+    covariance: Array = np.diag((WEAK * scale) ** 2)
     lower = np.concatenate([np.full(len(held), -LIMIT), [e[0] for e in ends]])
     upper = np.concatenate([np.full(len(held), LIMIT), [e[1] for e in ends]])
     for _ in range(rounds):
-        B, spans = _sensitivities(c, vector, answer, names)
+        B = _sensitivities(c, vector, answer, names)
         J = np.hstack([A, B[c.train] * scale])
         here = np.concatenate([z, x / scale])
         ridge = np.concatenate([np.ones(len(held)), np.full(len(x), 1.0 / WEAK)])
@@ -181,14 +182,24 @@ def fit(
     )  # fmt: skip
 
 
+NARROWEST: Final = {"displacement": 1e-4}
+"""A narrower hysteresis is how any friction begins, and no effect of its own."""
+
+
+def _ends(p: Parameter) -> list[float]:
+    """Bounds in the search coordinate."""
+    lower = max(p.lower, NARROWEST.get(p.parameter, -np.inf))
+    return sorted((p.to_search(lower), p.to_search(p.upper)))
+
+
 def _units(held: Sequence[int], scale: Array) -> Array:
     return np.concatenate([np.ones(len(held)), scale])
 
 
-def _size(p: object, x: float) -> float:
+def step_size(p: Parameter, x: float) -> float:
     """A step that matters, in the search coordinate: the table's, or a tenth of where the search stands."""
-    own = float(abs(p.to_search(p.scale)))  # type: ignore[attr-defined]
-    if p.parameter in ("limit", "period", "displacement", "velocity"):  # type: ignore[attr-defined]
+    own = float(abs(p.to_search(p.scale)))
+    if p.parameter in ("limit", "period", "displacement", "velocity"):
         return max(abs(x), 1e-9)
     return own
 
@@ -204,14 +215,14 @@ def _at(
     sd: Array,
     dz: Array,
     index: Sequence[int],
-    entries: Sequence[object],
+    entries: Sequence[Parameter],
     x: Array,
 ) -> Array:
     out = np.array(vector)
     for k, step in zip(held, sd * dz, strict=True):
         out[c.problem.table.index(c.nuisances[k].name)] += step
     for i, p, s in zip(index, entries, x, strict=True):
-        out[i] = min(max(p.from_search(float(s)), p.lower), p.upper)  # type: ignore[attr-defined]
+        out[i] = min(max(p.from_search(float(s)), p.lower), p.upper)
     return out
 
 
@@ -224,18 +235,16 @@ STEP: Final[Mapping[str, float]] = {
 """Relative steps of parameters of which only the value itself means something."""
 
 
-def _sensitivities(
-    c: Calibrated, vector: Array, answer: Array, names: Sequence[str]
-) -> tuple[Array, Array]:
+def _sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[str]) -> Array:
     """(N, P) whitened change per unit of each search coordinate."""
     problem, table = c.problem, c.problem.table
     if not names:
-        return np.zeros((problem.size, 0)), np.empty(0)
+        return np.zeros((problem.size, 0))
     rows, spans = [], []
     for name in names:
         p, i = table[name], table.index(name)
         x = p.to_search(float(vector[i]))
-        low, high = sorted((p.to_search(p.lower), p.to_search(p.upper)))
+        high = max(p.to_search(p.lower), p.to_search(p.upper))
         step = STEP.get(p.parameter, 0.0) * abs(x) or 0.5 * p.search_step
         if p.parameter == "gap":
             step = max(0.1 * abs(x), 1e-5)
@@ -249,11 +258,10 @@ def _sensitivities(
         row[i] = min(max(p.from_search(x + step), p.lower), p.upper)
         rows.append(row)
         spans.append(p.to_search(float(row[i])) - x)
-        del low
     answers = problem.answers(np.array(rows))
     change = np.where(np.isfinite(answers), answers - answer, 0.0).T
     span = np.array([s if s != 0.0 else 1.0 for s in spans])
-    return c.noise.whiten(problem, change) / span, span
+    return np.asarray(c.noise.whiten(problem, change) / span)
 
 
 def _robust_step(

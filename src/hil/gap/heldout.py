@@ -55,14 +55,11 @@ def split(problem: Problem, runs: Sequence[int]) -> tuple[list[float | None], st
 
 def traces(c: Calibrated, none: Fit, f: Fit) -> dict[str, float]:
     """By signal, by how many floors (root mean square) a fit changes it."""
-    floors = c.noise.floor(c.problem)
-    change = c.noise.tamed(c.problem, none.residual - f.residual)
-    out = {}
-    for signal in c.problem.signals:
-        rows = _rows(c.problem, signal, c.problem.kept)
-        if len(rows):
-            out[signal] = float(np.sqrt(np.mean(change[rows] ** 2))) / floors[signal]
-    return out
+    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    change = c.noise.weighted_rms(c.problem, none.residual - f.residual)
+    return {
+        signal: size / floors[signal] for signal, size in change.items() if floors[signal] > 0.0
+    }
 
 
 def touched(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
@@ -80,7 +77,6 @@ def score(
     rng: np.random.Generator,
 ) -> Score:
     """Residuals (N,) `before` and `after` on `held` samples of `signals`; interval by resampled blocks."""
-    floors = noise.floor(problem)
     before, after = noise.tamed(problem, before), noise.tamed(problem, after)
     blocks: dict[tuple[int, int], Array] = {}
     for x in problem.series:
@@ -91,7 +87,7 @@ def score(
             continue
         t = problem.t_s[x.part][rows]
         b = ((t - problem.pieces[x.stretch].span_s[0]) / BLOCK_S).astype(int)
-        f2 = floors[x.signal] ** 2
+        f2 = noise.sigma[x.part][rows] ** 2
         parts = np.stack(
             [before[x.part][rows] ** 2 / f2, after[x.part][rows] ** 2 / f2,
              np.mean(noise.draws[:, x.part][:, rows] ** 2, axis=0) / f2, np.ones(rows.sum())]
@@ -126,12 +122,3 @@ def _shrink(before: float, after: float, floor: float) -> float | None:
     if before <= 1.05 * floor:
         return None
     return float((before - after) / (before - floor))
-
-
-def _rows(problem: Problem, signal: str, mask: Mask) -> NDArray[np.int64]:
-    parts = [
-        np.arange(x.part.start, x.part.stop)[mask[x.part]]
-        for x in problem.series
-        if x.signal == signal
-    ]
-    return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64)

@@ -29,12 +29,13 @@ from hil.gap.repeats import Repeats
 Array = NDArray[np.float64]
 
 DRAWS: Final = 6
-WINDOW_S: Final = 0.3
-"""Over which the spread of the draws is averaged in time."""
+SHIFT_S: Final = 1e-4
 ORDER: Final = 6
 SPIKE: Final = 4.0
-"""Typical spreads by which a residual may leave its neighbours: frames that just missed a tick kick harder."""
+"""Typical spreads by which a residual may leave its neighbours: a frame that missed a tick kicks harder."""
 NEIGHBOURS: Final = 5
+USUAL: Final = 0.8
+"""Share of the samples, the quieter ones, that tell a gap from many frames that came at the wrong tick."""
 LEVEL_RANGE: Final = (0.3, 3.0)
 """Times the noise model; more than that in the fastest part of a residual is gap."""
 
@@ -69,6 +70,41 @@ class NoiseModel:
         """(N,) residuals with spikes cut, as those of the draws are."""
         return tame(problem, self.sigma, flat)
 
+    def weighted_rms(self, problem: Problem, flat: Array) -> dict[str, float]:
+        """By signal, root mean square of residuals (N,) or (D, N), each sample weighed by its noise, spikes cut;
+        in the signal's unit."""
+        rows = np.array([self.tamed(problem, r) for r in np.atleast_2d(flat)])
+        out = {}
+        for signal in problem.signals:
+            total, weight = 0.0, 0.0
+            for x in problem.series:
+                if x.signal == signal:
+                    kept = problem.kept[x.part]
+                    w = 1.0 / self.sigma[x.part][kept] ** 2
+                    total += float(np.sum(w * rows[:, x.part][:, kept] ** 2)) / len(rows)
+                    weight += float(np.sum(w))
+            out[signal] = float(np.sqrt(total / max(weight, 1e-300)))
+        return out
+
+    def spikes(self, problem: Problem, flat: Array) -> NDArray[np.bool_]:
+        """(N,) samples of a residual that leave their neighbours by more than SPIKE typical spreads."""
+        return np.asarray(self.tamed(problem, flat) != flat)
+
+    def usual(self, problem: Problem, flat: Array) -> dict[str, float]:
+        """By signal, root mean square of the smaller USUAL of residuals (N,) or (D, N) over their noise."""
+        rows = np.atleast_2d(flat) / self.sigma
+        out = {}
+        for signal in problem.signals:
+            parts = [
+                rows[:, x.part][:, problem.kept[x.part]].ravel()
+                for x in problem.series
+                if x.signal == signal
+            ]
+            size = np.sort(np.concatenate(parts) ** 2)
+            few = size[: max(int(USUAL * len(size)), 1)]
+            out[signal] = float(np.sqrt(np.mean(few))) if len(size) else 0.0
+        return out
+
     def floor(self, problem: Problem) -> dict[str, float]:
         """Root mean square of the draws of each signal over its judged samples."""
         out = {}
@@ -96,26 +132,48 @@ def sensors_only(problem: Problem) -> NoiseModel:
 
 
 def from_draws(
-    problem: Problem, drawn: Array, source: Literal["repeats", "model"], text: str
+    problem: Problem,
+    drawn: Array,
+    source: Literal["repeats", "model"],
+    text: str,
+    timing: Array | None = None,
 ) -> NoiseModel:
-    """Spread and autoregression of `drawn` (D, N)."""
+    """Typical spread and autoregression of `drawn` (D, N).
+
+    `timing` (N,): what a second of delay would change of each sample. Where setpoints and answers are a
+    little off in time a sample errs in proportion to it, far more right after a setpoint than before one.
+    """
     sigma = np.empty(problem.size)
     terms, gains = [], []
     for x in problem.series:
-        part = np.abs(drawn[:, x.part])
-        t = problem.t_s[x.part]
-        typical = 1.4826 * np.median(part, axis=0)
-        width = max(round(WINDOW_S / max(float(np.median(np.diff(t))), 1e-6)), 1)
-        window = np.ones(2 * width + 1)
-        smooth = np.convolve(typical, window, "same") / np.convolve(np.ones(len(t)), window, "same")
-        sigma[x.part] = np.maximum(smooth, 0.8 * sensor_sigma(problem.rig, x))
         kept = problem.kept[x.part]
+        late = np.zeros(len(kept)) if timing is None else timing[x.part]
+        sigma[x.part] = _typical(
+            np.abs(drawn[:, x.part]), late, 0.8 * sensor_sigma(problem.rig, x), kept
+        )
         rows = np.clip(drawn[:, x.part] / sigma[x.part], -4.0, 4.0)[:, kept]
         ar, gain = _autoregression(rows)
         terms.append(ar)
         gains.append(gain)
     tamed = np.array([tame(problem, sigma, d) for d in drawn])
     return NoiseModel(source, text, tamed, sigma, tuple(terms), tuple(gains))
+
+
+def _typical(size: Array, late: Array, least: float, kept: NDArray[np.bool_]) -> Array:
+    """(N,) spread: that of samples which hardly feel time, and in quadrature a part in proportion to `late`."""
+    share = np.abs(late)
+    calm = kept & (share <= np.quantile(share[kept], 0.4)) if kept.any() else kept
+    base = max(1.4826 * float(np.median(size[:, calm])) if calm.any() else least, least)
+    felt = kept & (share > np.quantile(share[kept], 0.6)) if kept.any() else kept
+    if not felt.any() or float(share[felt].max()) == 0.0:
+        return np.full(size.shape[1], base)
+    # the part in proportion: whatever makes the median of what is felt come out right
+    low, high = 0.0, 1e-2
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        ratio = size[:, felt] / np.hypot(base, middle * share[felt])
+        low, high = (middle, high) if float(np.median(ratio)) > 0.6745 else (low, middle)
+    return np.asarray(np.hypot(base, high * share))
 
 
 def tame(problem: Problem, sigma: Array, flat: Array) -> Array:
@@ -156,6 +214,7 @@ def find_noise(
     is and a gap hardly; it is needed where `repeats` are given.
     """
     drawn = draws(problem, vector, rng, count)
+    timing = time_sensitivity(problem, vector)
     wait_us = 1e6 * longest_wait_s(problem.rig)
     ticks = (
         "at the drives' ticks as read from the record" if problem.clocks else "anywhere in a tick"
@@ -169,17 +228,33 @@ def find_noise(
         low, high = min(factors), max(factors)
         text += f", each signal's level times {low:.2g} to {high:.2g} by the fastest part of its residual"
     if not repeats or residual is None:
-        return from_draws(problem, drawn, "model", text)
-    scaled, factors = _by_repeats(problem, drawn, repeats, residual)
+        return from_draws(problem, drawn, "model", text, timing)
+    scaled, by_signal = _by_repeats(problem, drawn, repeats, residual)
     what = "; ".join(dict.fromkeys(r.text for r in repeats))
-    low, high = min(factors.values()), max(factors.values())
+    low, high = min(by_signal.values()), max(by_signal.values())
     return from_draws(
         problem,
         scaled,
         "repeats",
         f"{what}: half the difference of their residuals is noise, {low:.2g} to {high:.2g} times the noise "
         "model, whose shape in time is kept",
+        timing,
     )
+
+
+def time_sensitivity(problem: Problem, vector: Array) -> Array:
+    """(N,) change of each sample per second by which setpoints, and in quadrature answers, are late."""
+    base, changes = problem.predict(vector)[0], []
+    for ends in ((".transport_delay.delay",), (".position.sensor_latency.delay",
+                 ".velocity.sensor_latency.delay", ".force.sensor_latency.delay",
+                 ".current.sensor_latency.delay", "imu.sensor_latency.delay")):  # fmt: skip
+        row = np.array(vector)
+        for i, p in enumerate(problem.table.entries):
+            if p.name.endswith(ends):
+                row[i] += SHIFT_S
+        answer = problem.answers(row)[0]
+        changes.append(np.where(np.isfinite(answer), answer - base, 0.0) / SHIFT_S)
+    return np.asarray(np.hypot(*changes))
 
 
 def _by_finest(problem: Problem, drawn: Array, residual: Array) -> tuple[Array, list[float]]:

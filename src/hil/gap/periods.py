@@ -16,7 +16,7 @@ SHORTEST: Final = 1e-3
 A_DECADE: Final = 120
 """Periods looked at for each factor of 10, refined about the best."""
 MOST: Final = 2
-CYCLES: Final = 2.5
+CYCLES: Final = 1.3
 """The travel must hold so many of a period."""
 
 
@@ -68,5 +68,4 @@ def _periods(problem: Problem, residual: Array, actuator: str, *, by_speed: bool
 def _power(x: Array, y: Array, weight: Array, wave: float) -> float:
     turn = 2.0 * np.pi * wave * x
     c, s = weight * np.cos(turn), weight * np.sin(turn)
-    total = float((c @ y) ** 2 / max(float(c @ c), 1e-12) + (s @ y) ** 2 / max(float(s @ s), 1e-12))
-    return total
+    return float((c @ y) ** 2 / max(float(c @ c), 1e-12) + (s @ y) ** 2 / max(float(s @ s), 1e-12))

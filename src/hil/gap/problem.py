@@ -60,8 +60,8 @@ class Series:
 class Problem:
     """Measured and predicted samples of some stretches of one rig; N samples.
 
-    `clocks`: where the ticks of the drives lie, as far as that is known (`hil.gap.arrivals`); setpoints of the
-    others act half a tick after their arrival, as they do on average.
+    `clocks`: where the ticks of the drives lie, as far as is known (`hil.gap.arrivals`); setpoints of others
+    act half a tick after their arrival, as they do on average.
     IdentificationError where a stretch lacks setpoints, or nothing can be judged.
     """
 

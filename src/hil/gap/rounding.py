@@ -1,4 +1,4 @@
-"""Signals that come in steps coarser than the rig file says: seen in the values themselves, no twin needed."""
+"""Signals in steps coarser than the rig file says: seen in the values themselves, no twin needed."""
 
 from __future__ import annotations
 

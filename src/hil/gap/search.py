@@ -22,7 +22,7 @@ from hil.gap.nuisances import LIMIT
 
 Array = NDArray[np.float64]
 
-SPIKE: Final = 12.0
+CUT: Final = 12.0
 """Whitened residuals are cut there: a few wild samples must not choose."""
 RIDGE: Final = 1e-6
 
@@ -42,12 +42,13 @@ class Search:
     def __init__(self, c: Calibrated, bank: Bank, white: Array | None = None) -> None:
         self.bank = bank
         free = np.abs(c.z) < LIMIT - 1e-3
-        A = c.jacobian[c.train][:, free]
-        r = np.clip((c.white if white is None else white)[c.train], -SPIKE, SPIKE)
-        T = np.empty((int(c.train.sum()), bank.columns.shape[1]), dtype=np.float32)
+        rows = c.train & ~c.noise.spikes(c.problem, c.residual)
+        A = c.jacobian[rows][:, free]
+        r = np.clip((c.white if white is None else white)[rows], -CUT, CUT)
+        T = np.empty((int(rows.sum()), bank.columns.shape[1]), dtype=np.float32)
         for first in range(0, T.shape[1], 32):
             part = bank.columns[:, first : first + 32].astype(float)
-            T[:, first : first + 32] = c.noise.whiten(c.problem, part)[c.train]
+            T[:, first : first + 32] = c.noise.whiten(c.problem, part)[rows]
         H = A.T @ A + np.eye(A.shape[1])
         AT = (A.T.astype(np.float32) @ T).astype(float)
         Ar = A.T @ r - c.z[free]
