@@ -54,7 +54,9 @@ def locate_rides(
     noise = tempered(noise, problem, best.residual)
     noise = projected(noise, problem, best.jacobian, best.prior_sd)
     motion = problem.motion(best.vector)
-    cells = count_cells(problem, noise, noise.tamed(best.residual), _codes(problem, motion))
+    cells = count_cells(
+        problem, noise, noise.tamed(problem, best.residual), _codes(problem, motion)
+    )
     evidence = Evidence(
         problem, noise, best.vector, best.residual, best.jacobian, tuple(motion), cells
     )

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 DRAWS: Final = 8
 WINDOW_S: Final = 1.5
 ENVELOPE_S: Final = 0.4
-SHARE: Final = 0.4
+SHARE: Final = 0.15
 """Of a gap's size, that a model of it may be off by."""
 
 

@@ -31,11 +31,14 @@ from hil.rigs.bicycle.conditioning import central
 Array = NDArray[np.float64]
 
 LEAN_TORQUE: Final = "bicycle.lean_torque"
-EVERY: Final = 4
-"""Samples of the ride to one that is judged: 25 Hz carries what a 5 Hz low-pass leaves."""
+EVERY: Final = 10
+"""Samples of the ride to one that is judged: 10 Hz carry what the low-pass leaves."""
 PASSES: Final = 2
 """Of the ride's low-pass over everything: accelerations are second differences and need as much."""
-EDGE_S: Final = 0.8
+SOFTER: Final = 0.3
+"""Of the ride's cutoff: noise of an encoder's second differences shakes a sprung twin as no road shook the
+bicycle, and what a rider does lies below."""
+EDGE_S: Final = 1.4
 """Of either end, which a zero-phase filter makes up."""
 FREE_M_S: Final = 2.5
 """Below, a foot or a hand may hold the bicycle, and the lean torque is not judged."""
@@ -69,11 +72,11 @@ class RideTwin:
         return out
 
     def filtered(self, values: Array) -> Array:
-        """(N, ...) through the low-pass of angles and IMU: the ride's own, twice."""
+        """(N, ...) through the low-pass of angles and IMU: the ride's own, softer, twice."""
         how = self.rig.conditioning
         columns = values[:, None] if values.ndim == 1 else values
         for _ in range(PASSES):
-            columns = low_pass(columns, self.recorded.dt_s, how.cutoff, how.order)
+            columns = low_pass(columns, self.recorded.dt_s, SOFTER * how.cutoff, how.order)
         return columns[:, 0] if values.ndim == 1 else columns
 
     def motion(self, values: Mapping[str, float], angles: Array | None = None) -> Motion:
