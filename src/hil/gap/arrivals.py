@@ -12,6 +12,7 @@ they do on average, and the kicks count as noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -28,10 +29,12 @@ FINE: Final = 32
 WINDOW_S: Final = 2.0
 FASTEST: Final = 2e-4
 """s/s that a drive's clock may run off the bus's [M: crystals 50 ppm each, resonators more]."""
-RATE_STEP: Final = 1e-5
+RATE_STEP: Final = 2e-6
 CLEARER: Final = 0.06
 """Log of the fine structure that ticks must take off to be believed."""
 ENOUGH: Final = 12
+LATE: Final = (-0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45)
+"""Ticks by which frames may arrive later than the rig file says."""
 
 
 def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
@@ -47,15 +50,44 @@ def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
         ticks = Ticks(p * tick / PLACES, 0.0, 0.0)
         clocks = {(k, a): ticks for k in range(len(pieces)) for a in names}
         flats.append(problem.with_clocks(clocks).predict(problem.base)[0])
-    out = {}
+    found = {}
     for k in range(len(pieces)):
         if pieces[k].mode != "position":
             continue
         for a in names:
-            found = _best(problem, k, a, flats, tick)
-            if found is not None:
-                out[k, a] = found
-    return out
+            ticks = _best(problem, k, a, flats, tick)
+            if ticks is not None:
+                found[k, a] = ticks
+    return _with_arrivals(problem, found)
+
+
+def _with_arrivals(
+    problem: Problem, found: dict[tuple[int, str], Ticks]
+) -> dict[tuple[int, str], Ticks]:
+    """The same ticks, with how late frames are: those that are near a tick tell it."""
+    if not found:
+        return found
+    tick = problem.rig.bus.position_loop
+    sizes: dict[tuple[int, str], list[float]] = {key: [] for key in found}
+    for late in LATE:
+        moved = {key: replace(t, late_s=late * tick) for key, t in found.items()}
+        flat = problem.with_clocks(moved).predict(problem.base)[0]
+        for key in found:
+            sizes[key].append(_fineness(problem, *key, flat))
+    return {
+        key: replace(t, late_s=LATE[int(np.argmin(sizes[key]))] * tick) for key, t in found.items()
+    }
+
+
+def _fineness(problem: Problem, stretch: int, actuator: str, flat: Array) -> float:
+    """Log of the fine structure of an actuator's force in a stretch."""
+    total = 0.0
+    for x in problem.series:
+        if x.stretch == stretch and x.actuator == actuator and x.quantity in ("force", "current"):
+            t, kept = problem.t_s[x.part], problem.kept[x.part]
+            steps = _steps(t, problem.measured[x.part] - flat[x.part], flat[x.part])[kept[1:]]
+            total += float(np.mean(np.log(steps + 0.1 * np.median(steps) + 1e-12)))
+    return total
 
 
 def _best(

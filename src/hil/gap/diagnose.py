@@ -187,7 +187,7 @@ def _single_fits(
             break
         leaf = leaves[p.leaves[0]]
         say(f"fitting {leaf.name} ({k + 1})")
-        found = fit(c, [leaf], changes_of([leaf], p.starts, c.problem))
+        found = fit(c, [leaf], search.felt(changes_of([leaf], p.starts, c.problem)))
         if found is not None:
             out.append(found)
     well = max((explained(c, none, f) for f in out), default=0.0)
@@ -247,7 +247,7 @@ def _joint_fits(
             if len({leaf.actuator for leaf in some} | {leaf.effect for leaf in some}) == 0:
                 continue
             say("fitting " + " + ".join(leaf.name for leaf in some))
-            start = changes_of(some, p.starts, c.problem)
+            start = search.felt(changes_of(some, p.starts, c.problem))
             head = next((h for h in heads if all(x in some for x in h.leaves)), None)
             if head is not None:
                 known = dict(zip(head.names, head.values.tolist(), strict=True))

@@ -23,7 +23,7 @@ TEMPER: Final = 2.0
 """What evidence is divided by on top, for what no correlation shows [set on training cases]."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
-MORE: Final = 4.0
+MORE: Final = 12.0
 """Nats that each further effect must earn beyond its parameters."""
 ALIKE: Final = 0.5
 """Floors by which the answers of two fits may differ on any signal within one class."""

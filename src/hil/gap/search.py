@@ -8,7 +8,7 @@ the twin afterwards.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 CUT: Final = 12.0
 """Whitened residuals are cut there: a few wild samples must not choose."""
 RIDGE: Final = 1e-6
+FELT: Final = 1.0
+"""Squared whitened size that a usual step of a parameter must have to be fitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,15 @@ class Search:
         self.raw: Array = np.einsum("nm,nm->m", T, T, dtype=float)
         """(M,) squared whitened size of each column before the nuisances took their part."""
         self.inner: Array = (T.T @ r.astype(np.float32)).astype(float) - AT.T @ S[:, -1]
+
+    def felt(self, start: Mapping[str, float]) -> dict[str, float]:
+        """`start` without parameters whose own columns change nothing that these data would show."""
+        dull, seen = set(), set()
+        for leaf, places in zip(self.bank.leaves, self.bank.places, strict=True):
+            for s, columns in zip(leaf.starts, places, strict=True):
+                for moved, k in zip(s.columns, columns, strict=True):
+                    (dull if self.raw[k] < FELT else seen).update(moved)
+        return {n: v for n, v in start.items() if n not in dull - seen}
 
     def alone(self) -> list[Proposal]:
         """Every leaf with its best start, best first."""

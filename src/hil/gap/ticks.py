@@ -21,6 +21,8 @@ class Ticks:
     phase_s: float
     rate: float
     origin_s: float
+    late_s: float = 0.0
+    """By how much frames arrive later than the rig file's setpoint delay says."""
 
     def place(self, t: Array) -> Array:
         """Where the ticks lie at instants `t`, s beside whole periods."""
@@ -36,7 +38,7 @@ def acting(rig: RigFile, t_sent: Array, ticks: Ticks | None) -> Array:
     if ticks is None:
         return t_sent
     tick, delay = rig.bus.position_loop, rig.bus.setpoint_delay
-    there = t_sent + delay
+    there = t_sent + delay + ticks.late_s
     place = ticks.place(there)
     acts = np.ceil((there - place) / tick - 1e-6) * tick + place
     return np.asarray(np.maximum.accumulate(acts - delay - 0.5 * tick))
