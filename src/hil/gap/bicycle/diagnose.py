@@ -10,7 +10,8 @@ import numpy as np
 from hil.config import BicycleFile
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
-from hil.gap.diagnose import DRIFT, explain
+from hil.gap.diagnose import DRIFT, EXPLAINED, SOFT, explain
+from hil.gap.diagnose import _verdict as judge
 from hil.gap.diagnosis import Diagnosis
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.nuisances import Nuisance
@@ -45,4 +46,41 @@ def diagnose_rides(
     say("locating the gap")
     located = locate_rides(runs, rig, nuisances=nuisances, seed=seed)
     chosen = nuisances or list(ride_nuisances(rig, located.evidence.problem))
-    return explain(located, chosen, without=(*without, LOST), seed=seed, report=say)
+    return _by_energy(explain(located, chosen, without=(*without, LOST), seed=seed, report=say))
+
+
+def _by_energy(found: Diagnosis) -> Diagnosis:
+    """The same with the chance of an unknown cause by the share of the gap's energy on the training data.
+
+    A ride's gap stands in few seconds, tens of floors high; `explain` counts in nats, in which those few
+    seconds are little. What is left of the energy says whether a cause is missing.
+    """
+    c, none, best = found.calibrated, found.none, found.best
+    if c is None or none is None or best is None or not found.causes:
+        return found
+    floors = c.noise.floor(c.problem)
+    before = after = floor = 0.0
+    for x in c.problem.series:
+        rows = c.problem.kept[x.part]
+        scale = floors[x.signal] ** 2
+        before += float(np.sum(none.residual[x.part][rows] ** 2)) / scale
+        after += float(np.sum(best.residual[x.part][rows] ** 2)) / scale
+        floor += float(rows.sum())
+    share = (before - after) / max(before - floor, 1e-9)
+    unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
+    factor = (1.0 - unknown) / max(1.0 - found.unknown, 1e-12)
+    causes = tuple(replace(x, probability=x.probability * factor) for x in found.causes)
+    chosen = tuple(
+        next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
+        for leaf in best.leaves
+    )
+    shrink = None if found.score is None else found.score.shrink
+    verdict, sentence = judge(chosen, causes, unknown, shrink)
+    return replace(
+        found,
+        verdict=verdict,
+        sentence=sentence,
+        causes=causes,
+        effects=chosen if verdict != "unknown" else (),
+        unknown=unknown,
+    )
