@@ -19,7 +19,7 @@ from hil.configfile import rig_toml
 from hil.errors import ConfigError, LimitViolation
 from hil.exam.case import ANSWER, RIG, seal
 from hil.exam.excite import FAMILIES, draw_motion
-from hil.exam.menu import Recipe, draw_recipe, effects_of
+from hil.exam.menu import Recipe, draw_recipe, effects_of, possible
 from hil.exam.odd import draw_outside, outside_of
 from hil.exam.rigs import RIGS, draw_rig
 from hil.exam.severity import Bench, Solved, effect_of, solve_size
@@ -30,7 +30,11 @@ from hil.runs.folder import Payload, RunMeta, write_meta
 
 KINDS: Final = ("none", "single", "double", "triple", "outside")
 SHARES: Final = {"none": 1.0 / 3.0, "single": 0.41, "double": 0.1, "triple": 0.02, "outside": 0.14}
+COUNTS: Final = {"none": 0, "double": 2, "triple": 3}
 ATTEMPTS: Final = 40
+WISHED: Final = 8
+"""Rigs and motions tried for the effects that a case should have, before any others will do."""
+TRIES_A_WISH: Final = 3
 EPOCH: Final = datetime(2026, 1, 1, tzinfo=UTC)
 
 
@@ -97,10 +101,12 @@ def make_case(order: Order, number: int, out: Path) -> str:
     last: Exception | None = None
     for attempt in range(ATTEMPTS):
         rng = np.random.default_rng([order.seed, number, attempt])
-        # the kind is drawn once a case: what is hard to make must not become rare
-        kind = _kind(order, np.random.default_rng([order.seed, number, 977]))
+        # kind and effects are drawn once a case: what is hard to make must not become rare
+        once = np.random.default_rng([order.seed, number, 977])
+        kind = _kind(order, once)
+        wishes = _wishes(order, kind, order.rigs[number % len(order.rigs)], once)
         try:
-            return _make(order, number, kind, rng, out)
+            return _make(order, number, kind, wishes if attempt < WISHED else (), rng, out)
         except (WorldError, LimitViolation) as error:
             last = error
     raise ConfigError(f"{case}: could not be made: {last}")
@@ -111,7 +117,22 @@ def _kind(order: Order, rng: np.random.Generator) -> str:
     return str(rng.choice(order.kinds, p=weights / weights.sum()))
 
 
-def _make(order: Order, number: int, kind: str, rng: np.random.Generator, out: Path) -> str:
+def _wishes(order: Order, kind: str, rig: str, rng: np.random.Generator) -> tuple[str, ...]:
+    """The effects that a case should have, if some rig and motion show them."""
+    names = OUTSIDE if kind == "outside" else possible(rig)
+    chosen = [n for n in names if not order.effects or n in order.effects]
+    count = min(COUNTS.get(kind, 1), len(chosen))
+    return tuple(str(n) for n in rng.choice(chosen, count, replace=False)) if count else ()
+
+
+def _make(
+    order: Order,
+    number: int,
+    kind: str,
+    wishes: tuple[str, ...],
+    rng: np.random.Generator,
+    out: Path,
+) -> str:
     rig = draw_rig(order.rigs[number % len(order.rigs)], rng)
     signals: set[str] = set(rig.bus.pattern)
     if rig.imu is not None and rng.random() < 0.45:
@@ -128,7 +149,9 @@ def _make(order: Order, number: int, kind: str, rng: np.random.Generator, out: P
     seeds = [(int(rng.integers(2**31)), int(rng.integers(2**31))) for _ in range(len(motions) + 1)]
     bench = Bench.of(rig, scatter, motions[0], seeds[0], "imu" in signals)
     asked = float(rng.choice(order.severities))
-    effects, outside, solved = _drawn(order, kind, rig, signals, bench, durations[0], asked, rng)
+    effects, outside, solved = _drawn(
+        order, kind, wishes, rig, signals, bench, durations[0], asked, rng
+    )
     severity = min((_severity(order, s.reached) for s in solved), default=0.0)
     payloads = [
         _payload(rig, rng) if k and rng.random() < 0.3 else None for k in range(len(motions))
@@ -175,6 +198,7 @@ def _make(order: Order, number: int, kind: str, rng: np.random.Generator, out: P
 def _drawn(
     order: Order,
     kind: str,
+    wishes: tuple[str, ...],
     rig: RigFile,
     signals: set[str],
     bench: Bench,
@@ -182,15 +206,16 @@ def _drawn(
     severity: float,
     rng: np.random.Generator,
 ) -> tuple[tuple[Effect, ...], tuple[Outside, ...], list[Solved]]:
-    """Effects of a case of `kind`, each solved to the severity by itself."""
-    count = {"none": 0, "double": 2, "triple": 3}.get(kind, 1)
+    """Effects of a case of `kind`, each solved to the severity by itself; `wishes`: which, if any will do."""
+    count = COUNTS.get(kind, 1)
     effects: list[Effect] = []
     outside: list[Outside] = []
     found: list[Solved] = []
-    for _ in range(ATTEMPTS):
+    for _ in range(ATTEMPTS if not wishes else TRIES_A_WISH * count + 1):
         if len(found) == count:
             return tuple(effects), tuple(outside), found
-        recipe = _recipe(order, kind, rig, signals, duration_s, rng)
+        wish = wishes[len(found)] if wishes else ""
+        recipe = _recipe(order, kind, wish, rig, signals, duration_s, rng)
         if any(e.effect == recipe.effect for e in effects):
             continue
         solved = solve_size(bench, recipe, severity, rng.uniform(1.0, 1.6))
@@ -211,17 +236,17 @@ def _severity(order: Order, reached: float) -> float:
 def _recipe(
     order: Order,
     kind: str,
+    wish: str,
     rig: RigFile,
     signals: set[str],
     duration_s: float,
     rng: np.random.Generator,
 ) -> Recipe:
     names = outside_of(rig, OUTSIDE) if kind == "outside" else effects_of(rig, signals)
-    chosen = [n for n in names if not order.effects or n in order.effects]
+    allowed = (wish,) if wish else order.effects
+    chosen = [n for n in names if not allowed or n in allowed]
     if not chosen:
-        raise ConfigError(
-            f"{rig.name}: has none of the effects asked for: {', '.join(order.effects)}"
-        )
+        raise WorldError(f"{rig.name}: has none of the effects asked for: {', '.join(allowed)}")
     name = str(rng.choice(chosen))
     if kind == "outside":
         return draw_outside(rig, name, duration_s, rng)

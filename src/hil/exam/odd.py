@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from hil.config import AxisGeometry, RigFile
-from hil.exam.menu import Make, Recipe, sign
+from hil.exam.actuator_menu import Make, sign
+from hil.exam.menu import Recipe
 
 
 def draw_outside(rig: RigFile, kind: str, duration_s: float, rng: np.random.Generator) -> Recipe:
