@@ -29,10 +29,12 @@ from hil.identify.experiments import (
     Plan,
     design,
     experiment_of,
+    read_experiment,
     write_experiment,
 )
 from hil.identify.experiments.custom import read_custom
 from hil.identify.experiments.play import play_on_rig, play_simulated
+from hil.runs.folder import Payload, read_meta, write_meta
 from hil.sim.parameters import ParameterTable
 from hil.ui.experiment import experiment_page
 
@@ -88,6 +90,7 @@ def _play(
         ),
     ] = None,
     note: Annotated[str, typer.Option(help="Kept in run.toml of a simulated run.")] = "",
+    payload: Payload | None = None,
     json: Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")] = False,
 ) -> None:
     rig, text = rig_with(context.obj, mode=mode)
@@ -95,6 +98,9 @@ def _play(
     if isinstance(plan, Custom):
         plan, motion = read_custom(plan)
     effects = read_effects(rig, effect or [])
+    if payload is not None and endpoint is None:
+        bolted = {"mass": payload.mass}
+        effects += (Effect(effect="payload_mass", location="platform", parameters=bolted),)
     made = design(plan, rig, motion)
     if not json:
         show(made)
@@ -102,7 +108,7 @@ def _play(
         write_experiment(dry_run, made.description, made.trajectory)
         folder = experiment_page(made, rig, dry_run / PAGE).parent
     elif endpoint is not None:
-        if effects:
+        if effect:
             raise ConfigError("--effect: only a simulated rig can be hurt; leave --endpoint out")
         folder = _on_rig(made, rig, endpoint, runs or Path(rig.recording.folder))
     else:
@@ -121,6 +127,8 @@ def _play(
         err.print(
             f"{made.description.duration_s:.1f} s of motion took {time.monotonic() - started_s:.1f} s"
         )
+    if payload is not None and dry_run is None:
+        write_meta(folder, read_meta(folder).model_copy(update={"payload": payload}))
     if json:
         uses = [
             {"rule": u.rule, "name": u.name, "value": u.value, "bound": u.bound} for u in made.uses
@@ -249,7 +257,7 @@ def _command(kind: str, model: type[Plan]) -> Callable[..., None]:
     playing = [
         p
         for p in inspect.signature(_play, eval_str=True).parameters.values()
-        if p.name not in ("context", "plan")
+        if p.name not in ("context", "plan", "payload")
     ]
     context = inspect.Parameter(
         "context", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context
@@ -267,5 +275,51 @@ def _command(kind: str, model: type[Plan]) -> Callable[..., None]:
     return command
 
 
+def _play_command() -> Callable[..., None]:
+    """The command that plays a description's own plan, with the options of playing."""
+    playing = [
+        p
+        for p in inspect.signature(_play, eval_str=True).parameters.values()
+        if p.name not in ("context", "plan", "payload")
+    ]
+    own = inspect.signature(_described, eval_str=True).parameters.values()
+
+    def command(context: typer.Context, **given: Any) -> None:
+        options = {p.name: given.pop(p.name) for p in playing}
+        _play(context, **_described(**given), **options)
+
+    context = inspect.Parameter(
+        "context", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context
+    )
+    parameters = [context, *own, *playing]
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {p.name: p.annotation for p in parameters}
+    command.__doc__ = _described.__doc__
+    return command
+
+
+def _described(
+    *,
+    file: Annotated[Path, typer.Argument(metavar="EXPERIMENT.toml")],
+    weighed: Annotated[
+        bool,
+        typer.Option(
+            "--weighed", help="With the payload that the experiment asks for: it is bolted on now."
+        ),
+    ] = False,
+) -> dict[str, Any]:
+    """The experiment of a file: of `hil gap next`, or what another run was."""
+    described = read_experiment(file)
+    if weighed and described.payload is None:
+        raise ConfigError(f"--weighed: {file} asks for no payload")
+    plan = described.plan
+    if isinstance(plan, Custom):
+        plan = plan.model_copy(update={"file": str(file.parent / plan.file)})
+    if described.purpose:
+        err.print(described.purpose, markup=False, soft_wrap=True)
+    return {"plan": plan, "payload": described.payload if weighed else None}
+
+
 for _kind, _model in PLANS.items():
     app.command(_kind)(_command(_kind, _model))
+app.command("play")(_play_command())

@@ -1,4 +1,4 @@
-"""`hil gap`: where the twin differs from the rig."""
+"""`hil gap`: where the twin differs from the rig, and why."""
 
 from __future__ import annotations
 
@@ -10,6 +10,10 @@ from rich.table import Column, Table
 
 from hil.cli.console import err, out
 from hil.cli.exam import app as exam
+from hil.cli.gap_apply import apply
+from hil.cli.gap_batch import batch
+from hil.cli.gap_diagnose import diagnose
+from hil.cli.gap_next import next_experiment
 from hil.config import BicycleFile
 from hil.configfile import load_any_rig
 from hil.errors import RunError
@@ -20,11 +24,12 @@ from hil.runs import load_run
 from hil.ui.gap_page import gap_page
 
 app = typer.Typer(
-    help="The gap between a rig and its twin: where it stands.",
+    help="The gap between a rig and its twin: where it stands, which effect makes it, how far it shrinks.",
     no_args_is_help=True,
 )
 
 app.add_typer(exam, name="exam")
+app.command("next")(next_experiment)
 
 _STYLE = {"error": "red", "warning": "yellow", "info": ""}
 
@@ -64,6 +69,11 @@ def locate(
     if report is not None:
         gap_page(found, report)
         err.print(f"page: {report}", soft_wrap=True, markup=False)
+
+
+app.command()(diagnose)
+app.command()(apply)
+app.command()(batch)
 
 
 def _write(path: Path, data: bytes) -> None:

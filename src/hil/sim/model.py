@@ -24,8 +24,9 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
     """Constants of the rig file's nominal model, without its `effects`; layout in `hil.sim.layout`.
 
     `substeps` divides the speed loop's period for the integration of the plant; `smooth`: setpoints act
-    between ticks (`hil.sim.drive_loops`). ConfigError where the
-    position loop's period is no multiple of the speed loop's.
+    between ticks (`hil.sim.drive_loops`), which has a meaning only where they come more rarely than ticks:
+    one that waited for the next tick would be replaced there by the next. ConfigError where the position
+    loop's period is no multiple of the speed loop's.
     """
     bus = rig.bus
     ticks = bus.position_loop / bus.speed_loop
@@ -42,7 +43,7 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
         float(kind_code(rig)), len(rig.actuators), bus.speed_loop, round(ticks), bus.cycle,
         bus.setpoint_delay, bus.interpolation == "linear", bus.retimed, substeps, len(geometry),
         rig.imu is not None, pd, rig.imu.delay if rig.imu else 0.0,
-        bus.answer_delay, smooth,
+        bus.answer_delay, smooth and bus.cycle > 1.5 * bus.position_loop,
     ]  # fmt: skip
     return np.concatenate(
         [header, _pack_actuators(rig).ravel(), geometry, geometry, body, body, gravity, gravity,

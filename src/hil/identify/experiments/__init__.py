@@ -9,6 +9,7 @@ from hil.identify.experiments.description import (
     Period,
     experiment_of,
     periods,
+    read_experiment,
     write_experiment,
 )
 from hil.identify.experiments.design import Design, design
@@ -40,5 +41,6 @@ __all__ = [
     "design",
     "experiment_of",
     "periods",
+    "read_experiment",
     "write_experiment",
 ]

@@ -19,6 +19,7 @@ from hil.control.trajectory import CueTrajectory
 from hil.errors import ConfigError, RunError
 from hil.identify.experiments.plans import Plan
 from hil.runs.cuefile import write_cue_file
+from hil.runs.folder import Payload
 
 EXPERIMENT_TOML: Final = "experiment.toml"
 EXPERIMENT_CSV: Final = "experiment.csv"
@@ -61,6 +62,10 @@ class Description(Settings):
     format: Literal["hil-experiment/1"] = "hil-experiment/1"
     rig: str = Field(description="name of the rig that it was designed for")
     hil: str = Field("", description="version of hil that designed it")
+    purpose: str = Field("", description="what it is to tell, where `hil gap next` designed it")
+    payload: Payload | None = Field(
+        None, description="to be weighed and bolted on for a second play of the same motion"
+    )
     plan: Annotated[Plan, Field(discriminator="kind")]
     coordinates: tuple[str, ...] = Field(description="that move")
     amplitude: tuple[float, ...] = Field(
@@ -114,8 +119,14 @@ def experiment_of(folder: Path) -> Description | None:
     RunError names file, key and bound where it is damaged.
     """
     path = folder / EXPERIMENT_TOML
-    if not path.is_file():
-        return None
+    return read_experiment(path) if path.is_file() else None
+
+
+def read_experiment(path: Path) -> Description:
+    """A description by its file; the files that its plan names lie beside it.
+
+    RunError names file, key and bound where it is damaged.
+    """
     try:
         return parse_settings(read_toml(path), Description, str(path))
     except ConfigError as error:

@@ -41,7 +41,8 @@ def play_simulated(
 ) -> Path:
     """Play on the simulated rig in simulated time; returns the run folder.
 
-    `effects` are given to the simulated rig only: the rig file kept with the run does not know them.
+    `effects` are given to the simulated rig only: neither the daemon nor the rig file kept with the run
+    knows them.
     CommandRefused where the rig did not stay in motion to the end; such a run gets no description.
     """
     troubles: list[str] = []
@@ -51,7 +52,7 @@ def play_simulated(
             troubles.append(record.text)
 
     folder = record_ride(
-        rig.model_copy(update={"effects": (*rig.effects, *effects)}),
+        rig,
         rig_text,
         profiles,
         experiment_cues(design.trajectory, rig, CLIENT),
@@ -59,6 +60,7 @@ def play_simulated(
         seed=seed,
         note=note or _note(design),
         on_record=watch,
+        hidden=effects,
     )
     if troubles:
         raise CommandRefused(

@@ -1,0 +1,75 @@
+"""`hil gap next`: the experiment that best splits the candidates that a diagnosis leaves."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from hil.cli.console import err, out, write_json
+from hil.configfile import load_rig
+from hil.errors import RunError
+from hil.gap.next import Proposal, propose, write_proposal
+
+
+def next_experiment(
+    diagnosis: Annotated[
+        Path, typer.Argument(metavar="DIAGNOSIS", help="Answer file of `hil gap diagnose`.")
+    ],
+    rig: Annotated[str, typer.Option("--rig", help="Rig file that was diagnosed, or its name.")],
+    to: Annotated[
+        Path,
+        typer.Option("--out", help="Experiment to write; its motion goes beside it as .csv."),
+    ],
+    seconds: Annotated[
+        float, typer.Option(min=8.0, max=600.0, help="Length of the motion.")
+    ] = 25.0,
+    count: Annotated[
+        int | None, typer.Option(min=1, help="Motions to draw; default by the rig's size.")
+    ] = None,
+    payload: Annotated[
+        bool, typer.Option(help="Whether a weighed payload may be asked for.")
+    ] = True,
+    seed: Annotated[int, typer.Option(min=0, help="Of the motions that are drawn.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")] = False,
+) -> None:
+    """Find the motion within the rig's limits that best tells the remaining candidates apart."""
+    settings = load_rig(rig)
+    with err.status("drawing motions") as status:
+        found = propose(
+            _read(diagnosis), settings, seconds=seconds, count=count, payload=payload, seed=seed,
+            report=status.update,
+        )  # fmt: skip
+        write_proposal(to, found)
+    if as_json:
+        write_json({**found.table(), "file": str(to)})
+        return
+    _show(found)
+    out.print(f"play it: hil experiment {rig} play {to}", markup=False, soft_wrap=True)
+    if found.sketch.weighed:
+        out.print("and again with the payload bolted on: --weighed", markup=False, soft_wrap=True)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        tables = json.loads(path.read_bytes())
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise RunError(f"{path}: is no JSON: {error}") from error
+    if not isinstance(tables, dict):
+        raise RunError(f"{path}: is no diagnosis")
+    return tables
+
+
+def _show(found: Proposal) -> None:
+    names = [c.name for c in found.candidates]
+    table = Table("were it", "now", *(f"then {n}" for n in names))
+    for k, c in enumerate(found.candidates):
+        row = [f"{100.0 * q:.0f} %" for q in found.split.posterior[k]]
+        table.add_row(c.name, f"{100.0 * c.probability:.0f} %", *row)
+    out.print(table)
+    out.print(found.sentence, style="bold", markup=False, soft_wrap=True)
