@@ -16,10 +16,12 @@ from benchmarks.figure import Options, Table
 NAMES = (
     "tracking",
     "operation",
+    "cia402",
     "step_cost",
     "loop_lateness",
     "sim_vs_mujoco",
     "rigs_vs_pinocchio",
+    "bicycle_vs_sympy",
 )
 
 
