@@ -14,6 +14,7 @@ from hil.cli.gap_apply import apply
 from hil.cli.gap_batch import batch
 from hil.cli.gap_diagnose import diagnose
 from hil.cli.gap_next import next_experiment
+from hil.cli.gap_rest import rest
 from hil.config import BicycleFile
 from hil.configfile import load_any_rig
 from hil.errors import RunError
@@ -30,6 +31,7 @@ app = typer.Typer(
 
 app.add_typer(exam, name="exam")
 app.command("next")(next_experiment)
+app.command("rest")(rest)
 
 _STYLE = {"error": "red", "warning": "yellow", "info": ""}
 

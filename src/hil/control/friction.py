@@ -1,7 +1,13 @@
-"""Friction of the actuators as the rig file gives it: viscous plus Coulomb, smooth through zero."""
+"""Friction of the actuators as the rig file knows it, its effects included: smooth through zero.
+
+What `hil gap apply` writes as an effect is friction that the rig has, so whoever feeds friction forward
+counts it in. Of the Stribeck effect only the Coulomb part: what it adds near standstill would hammer
+there. Hysteresis and friction that grows with load hang on more than the speed and are left out.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -9,18 +15,52 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 
+Array = NDArray[np.float64]
+
 SMOOTH_M_S: Final = 0.003
 """Coulomb friction rises over this speed: compensation must not hammer at standstill."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownFriction:
+    """Friction of n actuators, never below zero: N·s/m and N (rotary: N·m·s/rad and N·m)."""
+
+    viscous: Array
+    """(n,)."""
+    positive: Array
+    """(n,) Coulomb friction against motion in the positive direction."""
+    negative: Array
+    """(n,) and in the negative one."""
+
+
+def known_friction(rig: RigFile) -> KnownFriction:
+    """The rig file's own friction with that of its effects."""
+    own = [np.array([a.viscous for a in rig.actuators])]
+    own += [np.array([a.coulomb for a in rig.actuators]) for _ in range(2)]
+    keys = {
+        "viscous_friction": {"coefficient": (0,)},
+        "coulomb_friction": {"force": (1, 2)},
+        "stribeck_friction": {"coulomb": (1, 2)},
+        "asymmetric_friction": {"positive": (1,), "negative": (2,)},
+    }
+    for line in rig.effects:
+        if line.location not in rig.actuator_names:
+            continue
+        i = rig.actuator_names.index(line.location)
+        for parameter, rows in keys.get(line.effect, {}).items():
+            for row in rows:
+                own[row][i] += line.parameters.get(parameter, 0.0)
+    return KnownFriction(*(np.maximum(values, 0.0) for values in own))
 
 
 class Friction:
     """Friction force of every actuator against its motion."""
 
     def __init__(self, rig: RigFile) -> None:
-        self._viscous = np.array([a.viscous for a in rig.actuators])
-        self._coulomb = np.array([a.coulomb for a in rig.actuators])
+        self._known = known_friction(rig)
 
-    def force(self, velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+    def force(self, velocity: Array) -> Array:
         """Force (n,) that keeps the actuators moving at `velocity` (n,) against friction, N or N·m."""
-        smooth: NDArray[np.float64] = np.tanh(velocity / SMOOTH_M_S)
-        return self._viscous * velocity + self._coulomb * smooth
+        smooth: Array = np.tanh(velocity / SMOOTH_M_S)
+        coulomb = np.where(velocity > 0.0, self._known.positive, self._known.negative)
+        return np.asarray(self._known.viscous * velocity + coulomb * smooth)

@@ -14,7 +14,7 @@ import numpy as np
 
 from hil.bus.bitbus import BitBus
 from hil.bus.faults import Fault
-from hil.config import RigFile
+from hil.config import Effect, RigFile
 from hil.daemon.core import RigCore
 from hil.daemon.ipc import Sources
 from hil.daemon.recording import keep
@@ -48,12 +48,14 @@ class SimulatedSession:
         recorder: Recorder | None = None,
         wake_jitter_s: float | None = None,
         others: Mapping[str, Master] | None = None,
+        hidden: Sequence[Effect] = (),
     ) -> None:
-        """`others` are further nodes that speak on the bus: sniffers, second masters, babblers."""
+        """`others` are further nodes that speak on the bus: sniffers, second masters, babblers. `hidden`
+        effects are the simulated rig's alone: the daemon does not know of them."""
         bitrates = rig.can.bitrates
         streams = np.random.default_rng(seed).spawn(1 + len(bitrates))
         self.rig = rig
-        self.simulated = SimulatedRig(rig, profiles, seed)
+        self.simulated = SimulatedRig(rig, profiles, seed, hidden)
         self.bus = BitBus(rig.can.bitrate, streams[0], faults)
         """The rig's first bus, to which `faults` happen."""
         further = (BitBus(b, s) for b, s in zip(bitrates[1:], streams[2:], strict=True))
@@ -159,13 +161,15 @@ def record_ride(
     seed: int = 0,
     note: str = "",
     on_record: Callable[[Record], None] | None = None,
+    hidden: Sequence[Effect] = (),
 ) -> Path:
     """Prepare, arm, ride `cues`, park, switch off; returns the run folder.
 
-    `cues` count their `received_s` from the moment the rig is ready. RunError if the disk filled up.
+    `cues` count their `received_s` from the moment the rig is ready; `hidden` effects are the simulated
+    rig's alone. RunError if the disk filled up.
     """
     recorder = Recorder(folder, rig_text, rig, 0.0, started=EPOCH, note=note)
-    session = SimulatedSession(rig, profiles, seed=seed, recorder=recorder)
+    session = SimulatedSession(rig, profiles, seed=seed, recorder=recorder, hidden=hidden)
     session.on_record = on_record
     try:
         session.arm()

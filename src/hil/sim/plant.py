@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config import RigFile
+from hil.config import Effect, RigFile
 from hil.errors import ConfigError, KinematicsError
 from hil.rigs import build_rig
 from hil.signals import Quantity
 from hil.sim import layout as lay
 from hil.sim.catalogue import QUANTITIES
 from hil.sim.drive_loops import set_mode as switch
-from hil.sim.model import actuator_rows, apply_parameters, pack_model
+from hil.sim.known import pack_known
+from hil.sim.model import actuator_rows, apply_parameters
 from hil.sim.parameters import ParameterTable
 from hil.sim.rest import REST_M, rest, state_size
 from hil.sim.run import advance, look_up, put_outputs
@@ -46,16 +48,18 @@ class Plant:
 
     Starts at rest at t = 0 in the parked pose, drives off, brakes closed. A call costs microseconds.
     Deterministic: `seed` only picks which frames the effect `lost_frames` loses. Noise belongs to those who
-    answer.
+    answer. `hidden` are effects that the rig has and its file does not know of.
     """
 
-    def __init__(self, rig: RigFile, seed: int = 0, *, substeps: int = 1) -> None:
+    def __init__(
+        self, rig: RigFile, seed: int = 0, *, substeps: int = 1, hidden: Sequence[Effect] = ()
+    ) -> None:
         self.rig = rig
         self.table = ParameterTable(rig)
-        self.parameters = self.table.from_effects(rig.effects)
+        self.parameters = self.table.from_effects((*rig.effects, *hidden))
         self.n = len(rig.actuators)
         self._manipulator = build_rig(rig)
-        self._base = pack_model(rig, substeps)
+        self._base = pack_known(rig, substeps)
         self._model = np.empty_like(self._base)
         self._state = np.zeros(state_size(self.n))
         self._tail = self._state[lay.S_ROWS * self.n :]

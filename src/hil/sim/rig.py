@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hil.config import RigFile
+from hil.config import Effect, RigFile
 from hil.drives.profile import LustProfile
 from hil.drives.profiles import Profiles
 from hil.frames import Frame
@@ -21,11 +21,14 @@ from hil.sim.plant import Plant
 
 
 class SimulatedRig:
-    """Plant, drives and IMU of a rig file; `profiles` by the names that the rig file uses."""
+    """Plant, drives and IMU of a rig file; `profiles` by the names that the rig file uses; `hidden`
+    effects are those that its file does not know of."""
 
-    def __init__(self, rig: RigFile, profiles: Profiles, seed: int = 0) -> None:
+    def __init__(
+        self, rig: RigFile, profiles: Profiles, seed: int = 0, hidden: Sequence[Effect] = ()
+    ) -> None:
         streams = np.random.default_rng(seed).spawn(len(rig.actuators) + 1)
-        self.plant = Plant(rig, seed=seed)
+        self.plant = Plant(rig, seed=seed, hidden=hidden)
         self.drives = [
             _drive(rig, i, self.plant, profiles, streams[i]) for i in range(len(rig.actuators))
         ]

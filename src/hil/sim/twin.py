@@ -15,7 +15,8 @@ from hil.config import RigFile
 from hil.errors import RunError
 from hil.sim import layout as lay
 from hil.sim.catalogue import IMU_CHANNELS, QUANTITIES
-from hil.sim.model import add_payload, pack_model
+from hil.sim.known import pack_known
+from hil.sim.model import add_payload
 from hil.sim.parameters import ParameterTable
 from hil.sim.replay import replay
 
@@ -55,7 +56,7 @@ class Twin:
         self.rig = rig
         self.table = ParameterTable(rig)
         self.parameters = self.table.from_effects(rig.effects)
-        self.model = pack_model(rig, substeps, smooth=smooth)
+        self.model = pack_known(rig, substeps, smooth=smooth)
         if payload is not None:
             add_payload(self.model, payload.mass, payload.position)
         names = [f"{a}.{q}" for q in QUANTITIES for a in rig.actuator_names]

@@ -17,7 +17,8 @@ from hil.errors import ConfigError, IdentificationError
 from hil.identify.estimate.names import Number, is_rig_number, number, unknown, with_numbers
 from hil.identify.replay import Stretch, replay_of
 from hil.sim import layout as lay
-from hil.sim.model import add_payload, pack_model, split
+from hil.sim.known import pack_known
+from hil.sim.model import add_payload, split
 from hil.sim.parameters import ParameterTable
 from hil.sim.twin import Twin
 
@@ -150,7 +151,7 @@ class TwinProblem:
     def _run(self, rigs: Sequence[RigFile], vectors: Sequence[Array], factor: float = 1.0) -> Array:
         parts = []
         for job, piece in self._jobs:
-            models = [pack_model(rig, smooth=self._smooth) for rig in rigs]
+            models = [pack_known(rig, smooth=self._smooth) for rig in rigs]
             for model in models:
                 if factor != 1.0:
                     _scale_forces(model, factor)

@@ -1,0 +1,83 @@
+"""`hil gap apply`: what was diagnosed goes into a rig file."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from datetime import date
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from hil.cli.console import err, out
+from hil.configfile import find_rig_file, load_any_rig, parse_any_rig
+from hil.errors import ConfigError, RunError
+from hil.gap.apply import alarms, applied_text, chosen_causes
+from hil.identify.estimate.rigfile import write_rig_file
+
+
+def apply(
+    diagnosis: Annotated[
+        Path, typer.Argument(metavar="DIAGNOSIS", help="From `hil gap diagnose --json`.")
+    ],
+    rig: Annotated[str, typer.Option("--rig", help="Rig file that was diagnosed, or its name.")],
+    to: Annotated[Path, typer.Option("--out", help="The new rig file.")],
+    pick: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--pick",
+            metavar="LOCATION.EFFECT",
+            help="A cause to apply instead of the verdict's set; may be given again.",
+        ),
+    ] = None,
+) -> None:
+    """Write the diagnosed effects into a rig file, for twin, simulated rig and feed-forward.
+
+    Comments and order of the file stay; each effect says which runs it comes from, when, and how far the gap
+    shrank. A verdict of `unknown` or `ambiguous` is applied only with --pick.
+    """
+    answer = _read(diagnosis)
+    path = find_rig_file(rig)
+    picked = tuple(pick or ())
+    settings = load_any_rig(rig)
+    try:
+        text = applied_text(
+            path.read_text(encoding="utf-8"), answer, when=date.today().isoformat(),
+            source=diagnosis.name, pick=picked,
+        )  # fmt: skip
+    except ConfigError as error:
+        raise ConfigError(f"{diagnosis}: {error}") from error
+    write_rig_file(to, text)
+    for cause in (causes := chosen_causes(answer, settings, picked)):
+        values = ", ".join(
+            f"{name} {p['value']:.6g} {p['unit']}" for name, p in cause["parameters"].items()
+        )
+        out.print(
+            f"{cause['effect'].replace('_', ' ')} at {cause['location']}: {values}",
+            markup=False, soft_wrap=True,
+        )  # fmt: skip
+    for alarm in alarms(causes):
+        err.print(f"alarm: {alarm}", style="yellow", markup=False, soft_wrap=True)
+    if any(getattr(a, "friction_ff", 0.0) for a in _actuators(text)):
+        err.print(
+            "drives with friction pre-control feed it forward once they are set up by the new file",
+            markup=False, soft_wrap=True,
+        )  # fmt: skip
+    err.print(f"rig file: {to}", markup=False, soft_wrap=True)
+
+
+def _actuators(text: str) -> tuple[Any, ...]:
+    return tuple(getattr(parse_any_rig(tomllib.loads(text), "rig file"), "actuators", ()))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise RunError(f"{path}: is no JSON: {error}") from error
+    if not isinstance(found, dict):
+        raise RunError(f"{path}: is no diagnosis")
+    return found

@@ -1,0 +1,159 @@
+"""A diagnosis written into a rig file: effects with their parameters, and where they come from.
+
+The file keeps its comments and its order. A parameter that stands there already gets the diagnosed value
+in its place: the twin that was fitted had the file's own effects in it, so what it found is the whole.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import tomlkit
+
+from hil.config import AnyRig
+from hil.configfile import parse_any_rig
+from hil.errors import ConfigError
+
+FORMAT: Final = "hil-diagnosis/1"
+PICKABLE: Final = 0.001
+"""Probability from which on a cause is offered."""
+
+Answer = Mapping[str, Any]
+
+
+def applied_text(
+    text: str, answer: Answer, *, when: str, source: str = "", pick: Sequence[str] = ()
+) -> str:
+    """Rig file `text` with the effects of a diagnosis (hil-diagnosis/1, plain tables).
+
+    `when`: a date, `source`: the diagnosis's name, both for the provenance. `pick`: causes by
+    "location.effect", instead of the verdict's set. ConfigError where the verdict is no cause to act on and
+    none is picked, where rig and diagnosis do not belong together, or where the rig that comes out cannot be.
+    """
+    doc: Any = tomlkit.parse(text)
+    rig = parse_any_rig(tomllib.loads(text), "rig file")
+    causes = chosen_causes(answer, rig, pick)
+    for cause in causes:
+        _write(doc, cause, *_provenance(answer, cause, when, source))
+    new = tomlkit.dumps(doc)
+    checked = parse_any_rig(tomllib.loads(new), f"{rig.name} with what was diagnosed")
+    _check(checked)
+    return new
+
+
+def chosen_causes(answer: Answer, rig: AnyRig, pick: Sequence[str]) -> list[Answer]:
+    """The causes to be written, checked against the rig file."""
+    if answer.get("format") != FORMAT:
+        raise ConfigError(f"is no diagnosis: its format is {answer.get('format')!r}, not {FORMAT}")
+    if answer["rig"] != rig.name:
+        raise ConfigError(
+            f"the diagnosis is of the rig {answer['rig']!r}, the file of {rig.name!r}"
+        )
+    causes = {f"{c['location']}.{c['effect']}": c for c in answer.get("causes", ())}
+    if pick:
+        missing = [p for p in pick if p not in causes]
+        if missing:
+            known = ", ".join(causes) or "none"
+            raise ConfigError(
+                f"{', '.join(missing)}: not among the causes weighed, which are {known}"
+            )
+        return [causes[p] for p in dict.fromkeys(pick)]
+    verdict = answer["verdict"]
+    if verdict == "no_gap":
+        raise ConfigError("the verdict is no_gap: there is nothing to apply")
+    if verdict != "identified":
+        offered = [
+            f"{name} (p = {c['probability']:.2f})"
+            for name, c in causes.items()
+            if c["probability"] > PICKABLE
+        ]
+        raise ConfigError(
+            f"the verdict is {verdict}, so nothing is applied by itself; pick a cause with --pick: "
+            f"{', '.join(offered) or 'none was weighed'}"
+        )
+    return list(answer["effects"])
+
+
+def alarms(causes: Sequence[Answer]) -> list[str]:
+    """What must be said about causes that are applied: parameters that stand at their bounds."""
+    return [
+        f"{c['location']}.{c['effect']}.{name} stands at its bound, {p['value']:.6g} {p['unit']}"
+        for c in causes
+        for name, p in c["parameters"].items()
+        if p.get("at_bound")
+    ]
+
+
+def _provenance(answer: Answer, cause: Answer, when: str, source: str) -> tuple[str, list[str]]:
+    """(the line's own words, a comment a parameter)."""
+    parts = [f"hil gap diagnose, {', '.join(answer['runs'])}, {when}"]
+    if source:
+        parts[0] += f" ({source})"
+    verdict = str(answer["verdict"])
+    parts.append(f"{verdict}, p = {cause['probability']:.2f}")
+    shrink, ci = answer["gap"].get("shrink"), answer["gap"].get("shrink_ci")
+    if shrink is not None:
+        far = f"{100.0 * shrink:.0f} % of the gap gone on held-out data"
+        if ci:
+            far += f" ({100.0 * ci[0]:.0f} .. {100.0 * ci[1]:.0f} %)"
+        parts.append(far)
+    comments = [
+        f"{name}: {p['ci'][0]:.5g} .. {p['ci'][1]:.5g} {p['unit']} (90 %)"
+        for name, p in cause["parameters"].items()
+    ]
+    return "; ".join(parts), comments
+
+
+def _write(doc: Any, cause: Answer, source: str, comments: Sequence[str]) -> None:
+    """Into the effect's line if it has one, else into a new one at the end."""
+    values = {name: _rounded(p["value"], p["ci"]) for name, p in cause["parameters"].items()}
+    lines = doc.get("effects")
+    if lines is None:
+        lines = doc["effects"] = tomlkit.aot()
+    note = "; ".join(comments)
+    mine = [
+        x for x in lines if x["effect"] == cause["effect"] and x["location"] == cause["location"]
+    ]
+    for name in list(values):
+        line = next((x for x in mine if name in x["parameters"]), None)
+        if line is None:
+            continue
+        before = line["parameters"][name]
+        line["parameters"][name] = values.pop(name)
+        line["provenance"] = (
+            f"{source}; {name} was {float(before):.6g}: {line.get('provenance', '')}"
+        )
+    if mine and values:
+        for name, value in values.items():
+            mine[0]["parameters"][name] = value
+        mine[0]["provenance"] = source
+    elif values:
+        inline = not isinstance(lines, tomlkit.items.AoT)
+        line = tomlkit.inline_table() if inline else tomlkit.table()
+        if not inline:
+            line.add(tomlkit.comment(note))
+        line.add("effect", cause["effect"])
+        line.add("location", cause["location"])
+        parameters = tomlkit.inline_table()
+        parameters.update(values)
+        line.add("parameters", parameters)
+        line.add("provenance", source)
+        lines.append(line)
+
+
+def _rounded(value: float, ci: Sequence[float]) -> float:
+    """To a hundredth of the interval: more digits would be noise."""
+    width = abs(float(ci[1]) - float(ci[0]))
+    if not (width > 0.0 and math.isfinite(width) and math.isfinite(value)):
+        return float(value)
+    return float(round(value, 2 - math.floor(math.log10(width))))
+
+
+def _check(rig: AnyRig) -> None:
+    """The model takes the effects: names, bounds, nothing twice."""
+    from hil.sim.parameters import ParameterTable  # loads the catalogue only where it is needed
+
+    ParameterTable(rig).from_effects(rig.effects)
