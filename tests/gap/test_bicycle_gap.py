@@ -1,0 +1,123 @@
+"""The gap of a ride: nothing where there is nothing, the text's own two gaps where they are put in."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.bicycle.path import slalom
+from hil.bicycle.recorded import prepare
+from hil.bicycle.simulated import simulate_ride
+from hil.config import BicycleFile
+from hil.configfile import load_bicycle
+from hil.errors import IdentificationError
+from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
+from hil.gap.bicycle.noise import ride_noise
+from hil.gap.bicycle.twin import LEAN_TORQUE
+from tests.bicycle.rides import run_of
+
+NOMINAL = load_bicycle("bicycle")
+
+
+def ridden(path, seed, *effects, quiet=False):
+    """A run of the bicycle with effects, (effect, location, parameters) each."""
+    rig = NOMINAL.model_dump()
+    rig["effects"] = [{"effect": e, "location": at, "parameters": p} for e, at, p in effects]
+    if quiet:
+        rig["noise"] = dict.fromkeys(rig["noise"], 0.0)
+        rig["bus"]["jitter"] = 0.0
+    ride = simulate_ride(BicycleFile.model_validate(rig), path, seed)
+    return replace(run_of(ride), path=Path(f"ride{seed}"))
+
+
+def short():
+    return slalom(60.0)
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return ridden(short(), 21)
+
+
+def test_a_healthy_ride_has_no_gap(healthy):
+    found = diagnose_rides([healthy], NOMINAL)
+    assert found.verdict == "no_gap"
+    for s in found.located.signals:
+        assert 0.7 < s.ratio < 1.4, s
+
+
+FORK = ("front_suspension", "bicycle", {"stiffness": 9e3, "damping": 400.0})
+TYRES = ("tyre_compliance", "bicycle", {"stiffness": 8e4, "damping": 200.0})
+RIDER = ("rider_motion", "bicycle", {"gain": 0.3})
+
+
+@pytest.mark.parametrize(
+    ("effect", "shows"), [(FORK, "imu.gyro_y"), (TYRES, "imu.gyro_y"), (RIDER, LEAN_TORQUE)]
+)
+def test_the_twin_with_the_true_effect_is_the_noiseless_ride(effect, shows):
+    """The world is stepped at 1 kHz by forward dynamics, the twin at 100 Hz from measured angles."""
+    name, location, parameters = effect
+    run = ridden(short(), 22, effect, quiet=True)
+    problem = RideProblem(NOMINAL, [prepare(run, NOMINAL)])
+    floors = ride_noise(problem, problem.base, np.random.default_rng(0)).floor(problem)
+    values = {f"{location}.{name}.{k}": v for k, v in parameters.items()}
+    true = problem.table.vector(values)
+
+    def off(vector):
+        residual = problem.residual(vector)
+        return {
+            x.signal: float(np.sqrt(np.mean((residual[x.part] ** 2)[problem.kept[x.part]])))
+            / floors[x.signal]
+            for x in problem.series
+        }
+
+    without, with_effect = off(problem.base), off(true)
+    assert without[shows] > 0.35
+    assert with_effect[shows] < 0.3 * without[shows]
+    assert max(with_effect.values()) < 0.45
+    assert without["imu.gyro_z"] < max(0.6, 0.1 * without[shows]), "yaw knows next to nothing of it"
+
+
+def test_every_effect_vanishes_at_its_neutral_value(healthy):
+    problem = RideProblem(NOMINAL, [prepare(healthy, NOMINAL)])
+    at_neutral = problem.answers(problem.table.neutral)[0]
+    np.testing.assert_array_equal(at_neutral, problem.answers(problem.base)[0])
+    for p in problem.table.entries:
+        if p.parameter in (
+            "damping",
+            "step",
+        ):  # of springs that are rigid; steps change no filtered signal
+            continue
+        row = np.array(problem.base)
+        row[problem.table.index(p.name)] = (
+            p.scale if p.neutral in (0.0, np.inf) else p.neutral + p.scale
+        )
+        change = np.abs(problem.answers(row)[0] - at_neutral).max()
+
+        assert change > 0.0, p.name
+
+
+def test_a_wrong_steer_zero_is_named_on_held_out_data():
+    effect = ("sensor_bias", "steer", {"offset": 0.015})
+    runs = [ridden(short(), 23, effect), ridden(slalom(60.0, 24.0, 12.0), 24, effect)]
+    found = diagnose_rides(runs, NOMINAL)
+    assert found.verdict == "identified"
+    (cause,) = found.effects
+    assert (cause.effect, cause.location) == ("sensor_bias", "steer")
+    assert cause.parameters["offset"].value == pytest.approx(0.015, abs=0.001)
+    assert found.score is not None
+    assert found.score.shrink > 0.9
+
+
+def test_a_ride_whose_channels_lie_is_refused(healthy):
+    table = healthy.table.copy()
+    table["steer"] = -table["steer"]
+    with pytest.raises(IdentificationError, match="to the LEFT is positive"):
+        locate_rides([replace(healthy, table=table)], NOMINAL)
+
+
+def test_a_ride_without_imu_cannot_be_judged(healthy):
+    table = healthy.table[["t", "lean", "rear_wheel", "steer"]]
+    with pytest.raises(IdentificationError, match="holds no IMU"):
+        locate_rides([replace(healthy, table=table)], NOMINAL)
