@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.control.trajectory import CueTrajectory
-from hil.errors import HilError
+from hil.errors import ConfigError, HilError
 from hil.identify.experiments.limits import fitted_scale, trajectory_of
 from hil.identify.experiments.multisines import multisine_shape
 from hil.identify.experiments.plans import Chirp, Multisine
@@ -166,6 +166,8 @@ def _of_profiles(
     moving = _some(rig, rng)
     t = np.arange(round(grid.seconds(seconds - 1.0) * grid.rate_hz)) / grid.rate_hz
     units = np.column_stack([profile(t) for _ in moving])
+    if not np.all(np.any(units, axis=0)):
+        raise ConfigError(f"{kind}: {seconds:g} s are too short for {text}")
     units = np.concatenate([grid.rest(units[:1]), units, grid.rest(units[-1:])])
     sizes = [rig.limits[rig.coordinates.index(c)] / np.sqrt(len(moving)) for c in moving]
     own = sized(rig, moving, (), units, grid.rate_hz)
