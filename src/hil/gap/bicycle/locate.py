@@ -44,8 +44,8 @@ def locate_rides(
         for f in (*ride.findings, *check_ride(ride)):
             if f.verdict == "fault":
                 raise IdentificationError(f"{ride.name}: {f.subject}: {f.text}")
-            severity = "warning" if f.verdict == "warning" else "info"
-            findings.append(Finding(severity, f.subject, f.text))
+            is_warning = f.verdict == "warning"
+            findings.append(Finding("warning" if is_warning else "info", f.subject, f.text))
     problem = RideProblem(rig, rides)
     chosen = nuisances or ride_nuisances(rig, problem)
     rng = np.random.default_rng(seed)
@@ -61,7 +61,7 @@ def locate_rides(
         problem, noise, best.vector, best.residual, best.jacobian, tuple(motion), cells
     )
     names = tuple(run.path.name for run in loaded)
-    return located(rig, names, evidence, best, findings, rng)
+    return located(problem.rig, names, evidence, best, findings, rng)
 
 
 def _codes(problem: RideProblem, motion: Sequence[Mapping[str, Array]]) -> list[dict[str, Codes]]:

@@ -35,8 +35,7 @@ def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) ->
             clean = twin.filtered(ride.angles)
             noisy = clean.copy()
             for k, s in enumerate(SIGNALS):
-                sigma, step = noise_of(s, twin.rig)
-                noisy[:, k] += _noise(rng, len(noisy), sigma, step)
+                noisy[:, k] += _noise(rng, len(noisy), *noise_of(s, twin.rig))
             with_noise = twin.answer(values, noisy)
             without = twin.answer(values, clean)
             for s in twin.signals:

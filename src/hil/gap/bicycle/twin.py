@@ -94,11 +94,13 @@ class RideTwin:
             values["rear_wheel.wheel_slip.coefficient"],
         )
         fork, tyre = "bicycle.front_suspension", "bicycle.tyre_compliance"
+        stiffness, damping = values[f"{fork}.stiffness"], values[f"{fork}.damping"]
+        tyre_stiffness, tyre_damping = values[f"{tyre}.stiffness"], values[f"{tyre}.damping"]
         return ride(
             bicycle,
             Smooth(self.recorded.dt_s, angle, rate, central(rate, self.recorded.dt_s)),
-            spring=(values[f"{fork}.stiffness"], *[values[f"{tyre}.stiffness"]] * 2),
-            damper=(values[f"{fork}.damping"], *[values[f"{tyre}.damping"]] * 2),
+            spring=(stiffness, tyre_stiffness, tyre_stiffness),
+            damper=(damping, tyre_damping, tyre_damping),
         )
 
     def answer(self, values: Mapping[str, float], angles: Array | None = None) -> dict[str, Array]:
