@@ -152,12 +152,16 @@ def ride(client):
 
 
 def arm(client):
-    """A drive that ran into its watchdog is reset first, as a person would."""
-    in_state(client, "parked", "fault", "emergency")
-    if client.state().state != "parked":
-        assert client.command("reset").ok
-        in_state(client, "parked")
-    assert client.command("arm").ok
+    """A drive that ran into its watchdog is reset first, as a person would, as often as that happens."""
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        in_state(client, "parked", "fault", "emergency")
+        if client.state().state != "parked":
+            client.command("reset")
+        elif client.command("arm").ok:
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"not armed: {client.state()}")
 
 
 def kernel_log():
