@@ -33,6 +33,8 @@ SHARES: Final = (0.25, 0.55, 0.9)
 HEIGHTS: Final = (0.03, 0.12, 0.4, 0.85)
 """Of the workspace, for motions whose size is not set by speed."""
 SHORTEST_S: Final = 8.0
+WAY_BACK_S: Final = 1.0
+"""Left at the end for the way to neutral."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,9 +181,11 @@ def _of_profiles(
 
 def _rounded(t: Array, marks: list[float], heights: list[float], round_s: float) -> Array:
     """Straight lines through marks, back to 0 at the end, corners rounded over `round_s`."""
-    last = max(t[-1] - 1.2, marks[-1] + 0.8)
-    line = np.interp(t, [*marks, last], [*heights, 0.0])
-    line[t >= last] = 0.0
+    end = t[-1] - 2.0 * round_s
+    kept = [k for k, mark in enumerate(marks) if mark < end - WAY_BACK_S]
+    line = np.interp(
+        t - round_s, [*(marks[k] for k in kept), end], [*(heights[k] for k in kept), 0.0]
+    )
     n = max(round(round_s * (len(t) - 1) / t[-1]), 3)
     window = np.hanning(n + 2)[1:-1] ** 2
     padded = np.concatenate([np.full(n, line[0]), line, np.full(n, line[-1])])

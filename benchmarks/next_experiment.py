@@ -1,0 +1,167 @@
+"""Whether the experiment that `hil gap next` proposes leaves one candidate, against a generic multisine.
+
+    python -m benchmarks.next_experiment [--seconds 12] [--json FILE]
+
+For each pair of effects of the axis: a short slow record of the first is made with the twin's noise, and the
+second is fitted to it; where both explain it, it is an ambiguous case. Then the proposed experiment and the
+multisine (0.1 to 3 Hz, half the limits) are recorded with either effect as the truth, both effects are fitted
+anew with all nuisances free, and weighed as a diagnosis weighs them. Counted: how often the true one is left
+alone (probability above 0.95), out of all truths of all ambiguous pairs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hil.config import RigFile
+from hil.configfile import load_rig
+from hil.gap.draws import draws
+from hil.gap.evidence import weigh
+from hil.gap.fit import Calibrated, Fit, calibrated, fit
+from hil.gap.leaves import Leaf
+from hil.gap.next import Sketch, generic_multisine, propose
+from hil.gap.next.score import recorded
+from hil.gap.noise import find_noise
+from hil.gap.nuisances import default_nuisances
+from hil.gap.problem import Problem
+from hil.gap.residual import refit
+
+Truth = Mapping[str, float]
+SIGNALS = ("axis.position", "axis.force")
+CLEAR = 0.95
+
+A = "axis."
+EFFECTS: dict[str, Truth] = {
+    "coulomb_friction": {A + "coulomb_friction.force": 14.0},
+    "asymmetric_friction": {
+        A + "asymmetric_friction.positive": 20.0, A + "asymmetric_friction.negative": 8.0,
+    },
+    "viscous_friction": {A + "viscous_friction.coefficient": 200.0},
+    "transport_delay": {A + "transport_delay.delay": 0.003},
+    "payload_mass": {"platform.payload_mass.mass": 12.0},
+    "force_constant": {A + "force_constant.scale": 0.91},
+    "backlash": {A + "backlash.gap": 0.0003},
+    "compliance": {A + "compliance.stiffness": 2.0e6},
+    "sensor_latency": {A + "position.sensor_latency.delay": 0.003},
+    "actuator_inertia": {A + "actuator_inertia.mass": 12.0},
+    "hysteresis": {A + "hysteresis.force": 25.0, A + "hysteresis.displacement": 0.002},
+}  # fmt: skip
+PAIRS = (
+    ("coulomb_friction", "asymmetric_friction"), ("viscous_friction", "transport_delay"),
+    ("payload_mass", "force_constant"), ("backlash", "compliance"),
+    ("sensor_latency", "transport_delay"), ("payload_mass", "actuator_inertia"),
+    ("hysteresis", "coulomb_friction"),
+)  # fmt: skip
+
+
+def quiet_record(rig: RigFile) -> Sketch:
+    """The record that left the question open: a slow sway that uses little of the rig."""
+    made = generic_multisine(rig, 12.0, seed=5)
+    slow = type(made.trajectory)(
+        made.trajectory.coordinates, made.trajectory.t_s, 0.25 * made.trajectory.poses
+    )
+    return Sketch("sway", "0.1 to 3 Hz at an eighth of the limits", slow)
+
+
+def record(sketch: Sketch, rig: RigFile, truth: Truth, seed: int) -> Problem:
+    """A recording of `sketch` on a rig that has `truth`, with noise, jitter and rounding."""
+    rng = np.random.default_rng(seed)
+    blank = Problem(rig, recorded(sketch, rig, SIGNALS, rng))
+    vector = np.array(blank.base)
+    for name, value in truth.items():
+        vector[blank.table.index(name)] = value
+    measured = blank.predict(vector)[0] + draws(blank, vector, rng, 1)[0]
+    pieces = []
+    for s, piece in enumerate(blank.sent):
+        mine = {x.signal: measured[x.part] for x in blank.series if x.stretch == s}
+        pieces.append(piece.with_samples(mine))
+    return Problem(rig, pieces)
+
+
+def judge(
+    problem: Problem, pair: Sequence[str], starts: Mapping[str, Truth]
+) -> tuple[dict[str, float], dict[str, Fit]]:
+    """Probability of each effect of the pair by the diagnosis's own fits and evidence, and the fits."""
+    rng = np.random.default_rng(1)
+    nuisances = default_nuisances(problem.rig, problem.signals)
+    guess = find_noise(problem, problem.base, rng, count=2)
+    best = refit(problem, guess, nuisances)
+    noise = find_noise(problem, best.vector, rng, residual=best.residual)
+    c: Calibrated = calibrated(problem, noise, nuisances, best)
+    fits: dict[str, Fit] = {}
+    for effect in pair:
+        names = tuple(starts[effect])
+        leaf = Leaf(effect, names[0].rsplit(".", 2)[0], names, (), "axis")
+        found = fit(c, (leaf,), starts[effect], rounds=5)
+        if found is not None:
+            fits[effect] = found
+    weighed, _ = weigh(c, list(fits.values()))
+    return {w.fit.leaves[0].effect: w.probability for w in weighed}, fits
+
+
+def table_of(rig: RigFile, p: Mapping[str, float], fits: Mapping[str, Fit]) -> dict[str, Any]:
+    """The part of a diagnosis that `hil gap next` reads."""
+    causes = []
+    for effect, found in fits.items():
+        parameters = {
+            n.rsplit(".", 1)[1]: {"value": float(v)}
+            for n, v in zip(found.names, found.values, strict=True)
+        }
+        causes.append({"effect": effect, "location": found.leaves[0].location, "probability": p[effect],
+                       "class": 0, "parameters": parameters})  # fmt: skip
+    return {"format": "hil-diagnosis/1", "rig": rig.name, "verdict": "ambiguous", "causes": causes,
+            "effects": [], "gap": {"signals": {s: {} for s in SIGNALS}}}  # fmt: skip
+
+
+def run(seconds: float, pairs: Sequence[tuple[str, str]], seed: int = 0) -> list[dict[str, Any]]:
+    """One row a pair and truth."""
+    rig, rows = load_rig("axis"), []
+    for pair in pairs:
+        before, fits = judge(record(quiet_record(rig), rig, EFFECTS[pair[0]], seed), pair, EFFECTS)
+        row: dict[str, Any] = {"pair": list(pair), "before": before}
+        if len(fits) < 2 or max(before.values()) > CLEAR:
+            rows.append({**row, "ambiguous": False})
+            print(json.dumps(rows[-1]), flush=True)
+            continue
+        values = {e: dict(zip(f.names, map(float, f.values), strict=True)) for e, f in fits.items()}
+        proposal = propose(table_of(rig, before, fits), rig, seconds=seconds, count=10, seed=seed)
+        usual = generic_multisine(rig, proposal.sketch.trajectory.duration_s, seed)
+        for truth in pair:
+            after = {}
+            for name, sketch in (("proposed", proposal.sketch), ("generic", usual)):
+                p, _ = judge(record(sketch, rig, values[truth], seed + 7), pair, values)
+                after[name] = p.get(truth, 0.0)
+            rows.append({**row, "ambiguous": True, "truth": truth, "kind": proposal.sketch.kind,
+                         "motion": proposal.sketch.text, "weighed": proposal.sketch.weighed,
+                         "expected": proposal.split.right, "after": after})  # fmt: skip
+            print(json.dumps(rows[-1]), flush=True)
+    return rows
+
+
+def main() -> None:
+    """Print one line a pair and truth, then the count."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seconds", type=float, default=16.0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--pairs", type=int, default=len(PAIRS), help="so many of the list")
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    rows = run(given.seconds, PAIRS[: given.pairs], given.seed)
+    open_ones = [r for r in rows if r["ambiguous"]]
+    for name in ("proposed", "generic"):
+        alone = sum(r["after"][name] > CLEAR for r in open_ones)
+        print(f"{name}: the true one is left alone in {alone} of {len(open_ones)}")
+    if given.json:
+        given.json.write_text(json.dumps(rows, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+"""The next experiment: it tells apart what the diagnosis could not, within the limits, and can be played."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hil.cli.experiment import app as experiment
+from hil.cli.gap import app as gap
+from hil.configfile import load_rig
+from hil.control.trajectory import check
+from hil.errors import IdentificationError
+from hil.gap.next import (
+    draw_sketches,
+    generic_multisine,
+    next_experiment,
+    read_candidates,
+    split_of,
+)
+from hil.gap.next.sketches import Sketch
+from hil.identify.experiments import read_experiment
+from hil.rigs import build_rig
+from hil.runs.folder import read_meta
+
+SIGNALS = ("axis.position", "axis.force")
+
+
+def diagnosis(causes: dict[str, dict[str, float]], verdict: str = "ambiguous") -> dict[str, Any]:
+    """An answer file with equally probable causes in one class."""
+    rows = []
+    for name, parameters in causes.items():
+        location, effect = name.rsplit(".", 1)
+        values = {k: {"value": v} for k, v in parameters.items()}
+        rows.append({"effect": effect, "location": location, "probability": 1.0 / len(causes),
+                     "class": 0, "parameters": values})  # fmt: skip
+    return {"format": "hil-diagnosis/1", "rig": "axis", "verdict": verdict, "causes": rows,
+            "effects": rows[:1], "gap": {"signals": {s: {} for s in SIGNALS}}}  # fmt: skip
+
+
+GAP_OR_FRICTION = diagnosis(
+    {"axis.backlash": {"gap": 3e-4}, "axis.coulomb_friction": {"force": 15.0}}
+)
+MASS_OR_INERTIA = diagnosis(
+    {"platform.payload_mass": {"mass": 10.0}, "axis.actuator_inertia": {"mass": 10.0}}
+)
+
+
+def test_every_motion_that_is_drawn_keeps_the_rigs_limits() -> None:
+    rig = load_rig("axis")
+    manipulator = build_rig(rig)
+    drawn = draw_sketches(rig, 20.0, 12, np.random.default_rng(3))
+    assert len(drawn) >= 10
+    assert len({s.kind for s in drawn}) >= 4
+    for sketch in drawn:
+        assert not check(sketch.trajectory, rig, manipulator), sketch.text
+        assert np.allclose(sketch.trajectory.poses[[0, -1]], 0.0, atol=1e-9)
+
+
+def test_the_motion_that_it_proposes_moves_and_says_what_it_splits() -> None:
+    rig = load_rig("axis")
+    found = next_experiment(GAP_OR_FRICTION, rig, seed=1)
+    assert found["splits"] == [["backlash at axis", "coulomb friction at axis"]]
+    assert found["expected_probability"] > 0.95
+    assert found["payload"] is None
+    assert found["sentence"].startswith("Play ")
+
+
+def test_what_acts_alike_in_any_motion_is_not_promised_to_be_split() -> None:
+    rig = load_rig("axis")
+    candidates, shared = read_candidates(MASS_OR_INERTIA, rig)
+    split = split_of(generic_multisine(rig, 12.0), rig, candidates, shared, SIGNALS)
+    assert split is not None
+    assert split.apart() == []
+    assert split.right == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_motion_that_barely_moves_tells_less_than_one_that_does() -> None:
+    rig = load_rig("axis")
+    candidates, shared = read_candidates(GAP_OR_FRICTION, rig)
+    large = generic_multisine(rig, 12.0)
+    poses = 0.02 * large.trajectory.poses
+    small = Sketch("", "", type(large.trajectory)(rig.coordinates, large.trajectory.t_s, poses))
+    by_large = split_of(large, rig, candidates, shared, SIGNALS)
+    by_small = split_of(small, rig, candidates, shared, SIGNALS)
+    assert by_large is not None
+    assert by_small is not None
+    assert by_small.distance.max() < 0.5 * by_large.distance.max()
+
+
+@pytest.mark.parametrize(
+    ("tables", "says"),
+    [
+        ({"format": "other"}, "no diagnosis"),
+        ({**GAP_OR_FRICTION, "rig": "stewart"}, "of stewart"),
+        ({**GAP_OR_FRICTION, "causes": GAP_OR_FRICTION["causes"][:1]}, "nothing to tell apart"),
+        ({**GAP_OR_FRICTION, "causes": [], "verdict": "no_gap"}, "no_gap"),
+    ],
+)
+def test_a_diagnosis_that_leaves_nothing_open_is_refused(tables: dict[str, Any], says: str) -> None:
+    with pytest.raises(IdentificationError, match=says):
+        read_candidates(tables, load_rig("axis"))
+
+
+def test_the_command_writes_what_hil_experiment_plays(tmp_path: Path) -> None:
+    answer, out = tmp_path / "diagnosis.json", tmp_path / "next.toml"
+    answer.write_text(json.dumps(GAP_OR_FRICTION), encoding="utf-8")
+    options = ["--rig", "axis", "--out", str(out), "--seconds", "8", "--count", "2", "--json"]
+    run = CliRunner().invoke(gap, ["next", str(answer), *options])
+    assert run.exit_code == 0, run.output
+    described = read_experiment(out)
+    assert described.purpose
+    assert described.payload is None
+    runs = tmp_path / "runs"
+    play = CliRunner().invoke(experiment, ["axis", "play", str(out), "--runs", str(runs), "--json"])
+    assert play.exit_code == 0, play.output
+    (folder,) = runs.iterdir()
+    assert (folder / "experiment.toml").is_file()
+    assert read_meta(folder).payload is None
