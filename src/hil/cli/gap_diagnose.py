@@ -16,6 +16,7 @@ from hil.configfile import load_any_rig
 from hil.errors import RunError
 from hil.gap import Cause, Diagnosis
 from hil.gap import diagnose as diagnose_runs
+from hil.gap.answer import answer_json
 from hil.gap.bicycle import diagnose_rides
 from hil.runs import Run, load_run
 from hil.sim.parameters import ParameterTable
@@ -68,11 +69,11 @@ def diagnose(
         Steps(),
     )
     if json is not None and str(json) == "-":
-        typer.echo(found.to_json().decode())
+        typer.echo(answer_json(found).decode(), nl=False)
     else:
         show(found)
     if json is not None and str(json) != "-":
-        write(json, found.to_json())
+        write(json, answer_json(found))
     if report is not None:
         diagnosis_page(found, report)
         err.print(f"page: {report}", soft_wrap=True, markup=False)
@@ -126,7 +127,7 @@ class Steps:
 def write(path: Path, data: bytes) -> None:
     """Write a file; RunError where that fails."""
     try:
-        path.write_bytes(data + b"\n")
+        path.write_bytes(data)
     except OSError as error:
         raise RunError(f"{path}: cannot be written: {error.strerror}") from error
 

@@ -1,0 +1,91 @@
+"""Effects on data made by the twin are found, nothing is found on healthy data, broken data is refused.
+
+The twin makes the data here, so this shows that the machinery works, not how well it does: that is for
+`hil gap exam`, whose world is another.
+"""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hil.errors import IdentificationError, RunError
+from hil.gap import diagnose, locate
+from hil.gap.leaves import find_leaves
+from hil.ui.diagnosis_page import diagnosis_page
+from tests.gap.twin_runs import AXIS, effect, record
+
+FRICTION_N = 30.0
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return record()
+
+
+@pytest.fixture(scope="module")
+def friction():
+    return diagnose(record(effect("coulomb_friction", force=FRICTION_N)), AXIS)
+
+
+def test_healthy_data_has_no_gap(healthy):
+    found = diagnose(healthy, AXIS)
+    assert found.verdict == "no_gap"
+    assert found.effects == ()
+    assert found.tables()["gap"]["shrink"] is None
+
+
+def test_friction_is_named_with_its_force_and_what_it_takes_away(friction):
+    best = friction.causes[0]
+    assert (best.effect, best.location) == ("coulomb_friction", "axis")
+    low, high = best.parameters["force"].ci
+    assert low < FRICTION_N < high
+    assert best.parameters["force"].value == pytest.approx(FRICTION_N, rel=0.1)
+    assert friction.score.after < 0.5 * friction.score.before
+    assert friction.score.shrink > 0.9
+
+
+def test_candidates_of_one_class_are_said_not_to_be_told_apart(friction):
+    classes = friction.tables()["classes"]
+    (mine,) = [g for g in classes if "axis.coulomb_friction" in g]
+    assert "axis.asymmetric_friction" in mine
+
+
+def test_the_place_is_force_at_the_axis(friction):
+    (first, *_) = friction.located.where
+    assert first.signal == "axis.force"
+
+
+def test_leaves_leave_out_what_is_withheld_and_what_no_signal_shows(friction):
+    c = friction.calibrated
+    leaves = find_leaves(c.problem, c.vector, c.residual, ("backlash",))
+    names = {leaf.name for leaf in leaves}
+    assert "axis.coulomb_friction" in names
+    assert not any("backlash" in n or n.startswith("imu") or "velocity.sensor" in n for n in names)
+    assert all(leaf.starts for leaf in leaves)
+
+
+def test_the_page_is_whole_in_itself_and_says_what_was_found(friction, tmp_path):
+    page = diagnosis_page(friction, tmp_path / "page.html").read_text()
+    for words in (
+        "coulomb friction at axis",
+        "Measured minus twin over velocity and position",
+        "Not to be told apart",
+        "ISO/TS 18571",
+        "How it was computed",
+    ):
+        assert words in page
+    assert "<script src=" not in page
+
+
+def test_wrong_units_are_refused_and_the_signal_is_named(healthy):
+    frame = healthy.assign(**{"axis.position": 1000.0 * healthy["axis.position"]})
+    with pytest.raises(RunError, match=r"axis\.position.*millimetres"):
+        locate(frame, AXIS)
+
+
+def test_a_rig_that_never_moved_is_refused():
+    t = np.arange(0.0, 8.0, 0.01)
+    noise = np.random.default_rng(1).normal(scale=2e-5, size=len(t))
+    frame = pd.DataFrame({"t": t, "axis.setpoint": 0.0 * t, "axis.position": noise})
+    with pytest.raises(IdentificationError, match=r"never moved|nothing moved"):
+        locate(frame, AXIS)

@@ -1,0 +1,51 @@
+"""Short records of the axis, made by its own twin with effects switched on, with noise and rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from hil.config import Effect, RigFile
+from hil.configfile import load_rig
+from hil.sim import Twin
+
+AXIS = load_rig("axis")
+
+
+def effect(name: str, location: str = "axis", /, **parameters: float) -> Effect:
+    """A line of a rig file's effects."""
+    return Effect(effect=name, location=location, parameters=parameters)
+
+
+def record(
+    *effects: Effect,
+    rig: RigFile = AXIS,
+    duration_s: float = 14.0,
+    seed: int = 1,
+    share: float = 1.0,
+) -> pd.DataFrame:
+    """What the axis with `effects` would have recorded: slow reversals, then a sum of faster sines.
+
+    Each drive answers position and force in turn, 20 ms apart each, as its rig file's bus does.
+    """
+    rng = np.random.default_rng(seed)
+    sent = np.arange(0.0, duration_s, rig.bus.cycle)
+    fade = np.clip((sent - 1.0) / 1.5, 0.0, 1.0)
+    phase = 2.0 * np.pi * rng.uniform(size=5)
+    lines = [(0.09, 0.21), (0.04, 0.47), (0.012, 1.3), (0.003, 3.1), (0.001, 6.3)]
+    told = sum(a * np.sin(2 * np.pi * f * sent + p) for (a, f), p in zip(lines, phase, strict=True))
+    told = share * fade * (told - told[0])
+    answered = sent + rig.bus.answer_delay + 0.0012
+    stamps = {"axis.position": answered[::2], "axis.force": answered[1::2]}
+    twin = Twin(rig.model_copy(update={"effects": effects}))
+    values = twin.replay({"axis": (sent, told)}, stamps)
+    columns = [pd.DataFrame({"t": sent, "axis.setpoint": told})]
+    for name, t in stamps.items():
+        spread, step = (
+            (rig.noise.position, rig.noise.position_step)
+            if name.endswith("position")
+            else (rig.noise.force, rig.noise.force_step)
+        )
+        noisy = values[name] + spread * rng.standard_normal(len(t))
+        columns.append(pd.DataFrame({"t": t, name: step * np.round(noisy / step)}))
+    return pd.concat(columns).sort_values("t", kind="stable", ignore_index=True)
