@@ -37,7 +37,7 @@ def known_friction(rig: RigFile) -> KnownFriction:
     """The rig file's own friction with that of its effects."""
     own = [np.array([a.viscous for a in rig.actuators])]
     own += [np.array([a.coulomb for a in rig.actuators]) for _ in range(2)]
-    keys = {
+    keys: dict[str, dict[str, tuple[int, ...]]] = {
         "viscous_friction": {"coefficient": (0,)},
         "coulomb_friction": {"force": (1, 2)},
         "stribeck_friction": {"coulomb": (1, 2)},

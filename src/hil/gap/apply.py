@@ -112,6 +112,7 @@ def _write(doc: Any, cause: Answer, source: str, comments: Sequence[str]) -> Non
     values = {name: _rounded(p["value"], p["ci"]) for name, p in cause["parameters"].items()}
     lines = doc.get("effects")
     if lines is None:
+        doc.add(tomlkit.nl())
         lines = doc["effects"] = tomlkit.aot()
     note = "; ".join(comments)
     mine = [
