@@ -18,7 +18,7 @@ from hil.errors import IdentificationError
 from hil.gap.next import (
     draw_sketches,
     generic_multisine,
-    next_experiment,
+    propose,
     read_candidates,
     split_of,
 )
@@ -63,7 +63,7 @@ def test_every_motion_that_is_drawn_keeps_the_rigs_limits() -> None:
 
 def test_the_motion_that_it_proposes_moves_and_says_what_it_splits() -> None:
     rig = load_rig("axis")
-    found = next_experiment(GAP_OR_FRICTION, rig, seed=1)
+    found = propose(GAP_OR_FRICTION, rig, seconds=9.0, count=3, seed=1).table()
     assert found["splits"] == [["backlash at axis", "coulomb friction at axis"]]
     assert found["expected_probability"] > 0.95
     assert found["payload"] is None

@@ -82,7 +82,7 @@ def _multisine(rig: RigFile, seconds: float, rng: Rng) -> Sketch:
     share = float(rng.choice(SHARES))
     plan = Multisine(
         coordinates=_some(rig, rng), f_min=low, f_max=high, phase_seed=int(rng.integers(1 << 30)),
-        spectrum=str(rng.choice(["position", "velocity", "acceleration"])),  # type: ignore[arg-type]
+        spectrum=str(rng.choice(["position", "velocity", "acceleration"])),
         **_one_period(seconds),
     )  # fmt: skip
     text = f"{low:g} to {high:g} Hz in {', '.join(plan.coordinates)}"
