@@ -33,6 +33,7 @@ RATE_STEP: Final = 2e-6
 CLEARER: Final = 0.06
 """Log of the fine structure that ticks must take off to be believed."""
 ENOUGH: Final = 12
+DELAYS_S: Final = (0.0, 0.001, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, 0.016)
 LATE: Final = (-0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45)
 """Ticks by which frames may arrive later than the rig file says."""
 
@@ -44,25 +45,50 @@ def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
         return {}
     tick = bus.position_loop
     pieces = problem.pieces
-    flats = [problem.predict(problem.base)[0]]
     names = problem.rig.actuator_names
+    vector = _delayed(problem)
+    flats = [problem.predict(vector)[0]]
     for p in range(PLACES):
         ticks = Ticks(p * tick / PLACES, 0.0, 0.0)
         clocks = {(k, a): ticks for k in range(len(pieces)) for a in names}
-        flats.append(problem.with_clocks(clocks).predict(problem.base)[0])
+        flats.append(problem.with_clocks(clocks).predict(vector)[0])
     found = {}
     for k in range(len(pieces)):
         if pieces[k].mode != "position":
             continue
         for a in names:
-            ticks = _best(problem, k, a, flats, tick)
-            if ticks is not None:
-                found[k, a] = ticks
-    return _with_arrivals(problem, found)
+            best = _best(problem, k, a, flats, tick)
+            if best is not None:
+                found[k, a] = best
+    return _with_arrivals(problem, found, vector)
+
+
+def _delayed(problem: Problem) -> Array:
+    """The rig file's vector with the delay at which each drive's force is nearest to the record's: ticks are
+    looked for there, so that a late drive has its ticks found too."""
+    out = np.array(problem.base)
+    sizes = []
+    for delay in DELAYS_S:
+        row = np.array(problem.base)
+        for a in problem.rig.actuator_names:
+            row[problem.table.index(f"{a}.transport_delay.delay")] += delay
+        flat = problem.predict(row)[0]
+        sizes.append(
+            [
+                sum(_fineness(problem, k, a, flat) for k in range(len(problem.pieces)))
+                for a in problem.rig.actuator_names
+            ]
+        )
+    for j, a in enumerate(problem.rig.actuator_names):
+        mine = np.array([row[j] for row in sizes])
+        best = int(np.argmin(mine))
+        if mine[best] < mine[0] - CLEARER * len(problem.pieces):
+            out[problem.table.index(f"{a}.transport_delay.delay")] += DELAYS_S[best]
+    return out
 
 
 def _with_arrivals(
-    problem: Problem, found: dict[tuple[int, str], Ticks]
+    problem: Problem, found: dict[tuple[int, str], Ticks], vector: Array
 ) -> dict[tuple[int, str], Ticks]:
     """The same ticks, with how late frames are: those that are near a tick tell it."""
     if not found:
@@ -71,7 +97,7 @@ def _with_arrivals(
     sizes: dict[tuple[int, str], list[float]] = {key: [] for key in found}
     for late in LATE:
         moved = {key: replace(t, late_s=late * tick) for key, t in found.items()}
-        flat = problem.with_clocks(moved).predict(problem.base)[0]
+        flat = problem.with_clocks(moved).predict(vector)[0]
         for key in found:
             sizes[key].append(_fineness(problem, *key, flat))
     return {

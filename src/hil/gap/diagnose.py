@@ -20,7 +20,7 @@ from hil.config import RigFile
 from hil.gap.bank import ABSOLUTE, Bank, fill_bank
 from hil.gap.diagnosis import Cause, Diagnosis, ParameterValue, Verdict
 from hil.gap.evidence import Weighed, classes, weigh
-from hil.gap.fit import Calibrated, Fit, calibrated, changes_of, fit, loss
+from hil.gap.fit import Calibrated, Fit, calibrated, changes_of, fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
 from hil.gap.heldout import Score, score, split, touched, traces
@@ -46,11 +46,18 @@ WORTH: Final = 0.25
 PAIRS: Final = 3
 LEFT: Final = 1.35
 """Floors on any signal from which on more than one effect is looked for."""
-EXPLAINED: Final = 0.78
+EXPLAINED: Final = 0.72
 """Share of the gap's energy that a verdict must explain, half of the time [set on training cases]."""
 SOFT: Final = 0.06
+FRICTION: Final = frozenset(
+    {"coulomb_friction", "viscous_friction", "stribeck_friction", "asymmetric_friction", "load_friction",
+     "hysteresis"}
+)  # fmt: skip
 SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
+LARGE: Final = 2.0
+"""Floors on any signal over the whole record that are a gap, however short its parts."""
+ROUNDED: Final = "sensor_quantisation"
 SUSPECT: Final = 1.2
 """Floors on any signal from which on candidates are weighed at all."""
 CLEAR: Final = 15.0
@@ -139,7 +146,8 @@ def explain(
     bank = fill_bank(problem, none.vector, problem.measured - none.residual, leaves)
     search = Search(c, bank)
     fits = [none, *_single_fits(c, none, search, leaves, without, steps, say)]
-    fits += _joint_fits(c, fits, search, leaves, say)
+    fits = [f for f in fits if not _is_narrow(f)]
+    fits += [f for f in _joint_fits(c, fits, search, leaves, say) if not _is_narrow(f)]
     held = np.ones(whole.size, dtype=bool)
     held[rows] = False
     return _answer(located, c, fits, bank, held, held_out, seed)
@@ -200,10 +208,15 @@ def _single_fits(
     return out
 
 
+def _is_narrow(f: Fit) -> bool:
+    """Whether a hysteresis went as narrow as it may: then it is how friction begins, and no hysteresis."""
+    return any(n.endswith(".hysteresis.displacement") for n in f.at_bound)
+
+
 def _rounded(c: Calibrated, none: Fit, signal: str, step: float) -> Fit:
     """The twin whose `signal` comes in steps; values on a grid cannot be chance, so they earn by count."""
     name = f"{signal}.sensor_quantisation.step"
-    leaf = Leaf("sensor_quantisation", signal, (name,), (Start({}, ({name: step},)),), None)
+    leaf = Leaf(ROUNDED, signal, (name,), (Start({}, ({name: step},)),), None)
     vector = np.array(none.vector)
     vector[c.problem.table.index(name)] = step
     residual = c.problem.measured - c.problem.answers(vector)[0]
@@ -220,9 +233,9 @@ def _joint_fits(
 ) -> list[Fit]:
     """Pairs and triples, where the best single or pair leaves something."""
     out: list[Fit] = []
-    index = {leaf.name: k for k, leaf in enumerate(leaves)}
+    known = {leaf.name for leaf in leaves}
     ranked = sorted(fits[1:], key=lambda f: f.cost(c.train) + f.prior_cost + f.extra_cost)
-    heads = [f for f in ranked if f.leaves[0].name in index][:2]
+    heads = [f for f in ranked if f.leaves[0].name in known][:2]
     for size in (2, 3):
         if (
             not heads
@@ -230,45 +243,56 @@ def _joint_fits(
             or explained(c, fits[0], heads[0]) > WELL
         ):
             break
-        proposals: dict[tuple[int, ...], Proposal] = {}
-        for head in heads:
-            fixed = tuple(index[leaf.name] for leaf in head.leaves)
-            others = Search(c, search.bank, head.white).with_others((), range(len(leaves)))
-            for p in [q for q in others if q.leaves[0] not in fixed][: PAIRS + 1]:
-                key = tuple(sorted((*fixed, p.leaves[0])))
-                if key not in proposals:
-                    found = search.set_of((*fixed, p.leaves[0]))
-                    if found is not None:
-                        proposals[key] = found
-        new = []
-        best = sorted(proposals.values(), key=lambda p: -p.gain)[: PAIRS + 2 - size]
-        for p in best:
+        new: list[Fit] = []
+        for p in _proposed(c, heads, search, leaves)[: PAIRS + 2 - size]:
             some = [leaves[k] for k in p.leaves]
-            if len({leaf.actuator for leaf in some} | {leaf.effect for leaf in some}) == 0:
-                continue
             say("fitting " + " + ".join(leaf.name for leaf in some))
             start = search.felt(changes_of(some, p.starts, c.problem))
             head = next((h for h in heads if all(x in some for x in h.leaves)), None)
             if head is not None:
-                known = dict(zip(head.names, head.values.tolist(), strict=True))
-                start = {**start, **_relative(c, known)}
-            found = fit(c, some, start)
-            if found is not None:
-                new.append(found)
+                start.update(_relative(c, head))
+            joint = fit(c, some, start)
+            if joint is not None:
+                new.append(joint)
         out += new
         heads = sorted(new, key=lambda f: f.cost(c.train) + f.prior_cost)[:1]
     return out
 
 
-def _relative(c: Calibrated, known: dict[str, float]) -> dict[str, float]:
+def _proposed(
+    c: Calibrated, heads: Sequence[Fit], search: Search, leaves: Sequence[Leaf]
+) -> list[Proposal]:
+    """Each head with the leaves that could explain what it leaves, best first."""
+    index = {leaf.name: k for k, leaf in enumerate(leaves)}
+    out: dict[tuple[int, ...], Proposal] = {}
+    for head in heads:
+        fixed = tuple(index[leaf.name] for leaf in head.leaves)
+        rest = Search(c, search.bank, head.white).alone()
+        others = [p.leaves[0] for p in rest if _may_join(leaves[p.leaves[0]], head.leaves)]
+        for k in others[: PAIRS + 1]:
+            found = search.set_of((*fixed, k))
+            if found is not None:
+                out.setdefault(tuple(sorted(found.leaves)), found)
+    return sorted(out.values(), key=lambda p: -p.gain)
+
+
+def _may_join(leaf: Leaf, others: Sequence[Leaf]) -> bool:
+    """Whether a leaf can act beside `others`: not itself again, no second law of friction at one place."""
+    return not any(
+        leaf.name == x.name
+        or (leaf.location == x.location and leaf.effect in FRICTION and x.effect in FRICTION)
+        for x in others
+    )
+
+
+def _relative(c: Calibrated, f: Fit) -> dict[str, float]:
     """Values of fitted parameters as starts give them: for a twin without effects."""
     out = {}
-    for name, value in known.items():
+    for name, value in zip(f.names, f.values.tolist(), strict=True):
         p = c.problem.table[name]
-        i = c.problem.table.index(name)
-        if p.search == "linear" and np.isfinite(p.neutral) and p.parameter not in ABSOLUTE:
-            value = value - float(c.vector[i]) + p.neutral
-        out[name] = value
+        now = float(c.vector[c.problem.table.index(name)])
+        is_added = p.search == "linear" and np.isfinite(p.neutral) and p.parameter not in ABSOLUTE
+        out[name] = value - now + p.neutral if is_added else value
     return out
 
 
@@ -280,12 +304,14 @@ def _largest_ratio(c: Calibrated, f: Fit) -> float:
 
 
 def explained(c: Calibrated, none: Fit, f: Fit) -> float:
-    """Share of the whitened gap above the noise that a fit takes away on training samples, 0..1."""
-    before = float(np.sum(loss(none.white[c.train])))
-    after = float(np.sum(loss(f.white[c.train])))
-    white = c.noise.whiten(c.problem, c.noise.draws.T)[c.train]
-    noise = float(np.sum(loss(white))) / len(c.noise.draws)
-    return float(np.clip((before - after) / max(before - noise, 0.02 * noise), 0.0, 1.0))
+    """Share of the gap's energy above the floor that a fit takes away on training samples, 0..1."""
+    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    before = c.noise.weighted_rms(c.problem, none.residual)
+    after = c.noise.weighted_rms(c.problem, f.residual)
+    ratios = [(before[s] / v, after[s] / v) for s, v in floors.items() if v > 0.0]
+    was = sum(max(b**2 - 1.0, 0.0) for b, _ in ratios)
+    left = sum(max(a**2 - 1.0, 0.0) for b, a in ratios)
+    return float(np.clip((was - left) / max(was, 0.05), 0.0, 1.0))
 
 
 def _answer(
@@ -304,11 +330,11 @@ def _answer(
     if not weighed:
         return replace(_no_gap(located, held_out), not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
-    is_large = _largest_ratio(c, none) > RATIO
+    is_large = _largest_ratio(c, none) > RATIO or max(s.ratio for s in located.signals) > LARGE
     is_clear = gain > CLEAR and max(traces(c, none, first).values()) > MATERIAL
     if not (is_large or is_clear):
         return replace(_no_gap(located, held_out), not_excited=not_excited(c, bank))
-    share = explained(c, none, first)
+    share = 1.0 if first.leaves[0].effect == ROUNDED else explained(c, none, first)
     unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
     if gain < CLEAR:
         unknown = max(unknown, 0.9)
@@ -321,7 +347,7 @@ def _answer(
     )
     signals = touched(c, none, first) or c.problem.signals
     part, whole = shown.score(first, signals), shown.score(first, c.problem.signals)
-    verdict, sentence = _verdict(chosen, causes, unknown, part.shrink)
+    verdict, sentence = judge(chosen, causes, unknown, part.shrink)
     return Diagnosis(
         located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
         part, whole, held_out, not_excited(c, bank), first, none, c,
@@ -336,13 +362,29 @@ class _Shown:
     ) -> None:
         self.e = located.evidence
         self.held, self.rng = held, rng
+        self.none = none
         self.before = self.e.problem.residual(none.vector)
 
     def score(self, f: Fit, signals: Sequence[str]) -> Score:
         """Of a fit on held-out samples."""
+        if f.leaves and f.leaves[0].effect == LOST:
+            after = self._without_lost(f)
+            return score(
+                self.e.problem, self.e.noise, self.before, after, self.held, signals, self.rng
+            )
         answer = self.e.problem.answers(f.vector)[0]
         after = np.where(np.isfinite(answer), self.e.problem.measured - answer, self.before)
         return score(self.e.problem, self.e.noise, self.before, after, self.held, signals, self.rng)
+
+    def _without_lost(self, f: Fit) -> Array:
+        """Residual (N,) without the frames that were lost: which ones, the held-out record itself tells."""
+        e = self.e
+        jacobian = np.zeros((e.problem.size, 0))
+        c = calibrated(e.problem, e.noise, (), Refit(f.vector, self.before, jacobian, ()))
+        found = fit_lost_frames(
+            c, replace(self.none, residual=self.before, white=c.white, vector=self.none.vector)
+        )
+        return self.before if found is None else found.residual
 
 
 def _causes(
@@ -395,9 +437,10 @@ def _parameters(c: Calibrated, f: Fit, leaf: Leaf, worth: float) -> dict[str, Pa
     return out
 
 
-def _verdict(
+def judge(
     chosen: Sequence[Cause], causes: Sequence[Cause], unknown: float, shrink: float | None
 ) -> tuple[Verdict, str]:
+    """Verdict and sentence for the best set `chosen` among all `causes`."""
     names = " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in chosen)
     if unknown > 0.5:
         return "unknown", (

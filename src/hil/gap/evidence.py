@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.gap.bank import ABSOLUTE
 from hil.gap.fit import Calibrated, Fit, loss, step_size
 
 Array = NDArray[np.float64]
@@ -98,6 +99,9 @@ def log_evidence(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
         free = RANGE * step_size(p, at)
         spread = np.sqrt(2.0 * np.pi) * sd * np.sqrt(TEMPER * mean)
         total += float(np.log(min(spread / free, 1.0))) if spread > 0.0 else 0.0
+        away = at - p.to_search(p.neutral)
+        if p.parameter not in ABSOLUTE and np.isfinite(away):
+            total -= 0.5 * float(away / free) ** 2
     return total - MORE * max(len(f.leaves) - 1, 0)
 
 

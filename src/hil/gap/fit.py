@@ -149,7 +149,8 @@ def fit(
         new, information = _robust_step(
             J, white[c.train], here, ridge, lower / _units(held, scale), upper / _units(held, scale)
         )
-        covariance = np.linalg.pinv(information)[len(held) :, len(held) :] * np.outer(scale, scale)
+        inverse = np.asarray(np.linalg.pinv(information), dtype=np.float64)
+        covariance = inverse[len(held) :, len(held) :] * np.outer(scale, scale)
         gained = 0.0
         for share in (1.0, 0.4, 0.1):
             point = here + share * (new - here)

@@ -15,16 +15,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config import Actuator, AxisGeometry, BicycleFile
+from hil.config import Actuator, AxisGeometry
 from hil.gap.periods import force_periods, lead_periods
 from hil.gap.problem import Problem
 
 Array = NDArray[np.float64]
 Changes = Mapping[str, float]
 
-SATURATED: Final = (0.94, 0.87, 0.78, 0.68, 0.55, 0.42)
-"""Of the largest force or speed that the twin needs, where limits are looked for."""
-GAPS_M: Final = (5e-5, 1e-4, 2e-4, 4e-4, 8e-4)
+SATURATED: Final = (1.0, 0.9, 1.12)
+"""Times the largest force or speed that the record itself has, where limits are looked for."""
+REACHED: Final = 0.97
+"""Of what the twin needs: a rig that reached as much was not limited."""
+GAPS_M: Final = (1e-4, 3e-4, 1e-3, 3e-3)
 DELAYS_S: Final = (0.001, 0.002, 0.003, 0.0045, 0.006, 0.008, 0.01, 0.0125, 0.015, 0.02)
 """Forces have the cycle of the setpoints in them, so a delay has a best value in each cycle."""
 STIFFNESS: Final = (4.0, 1.0, 0.25)
@@ -66,11 +68,10 @@ def find_leaves(
     Effects of sensors that no signal shows, of an IMU that is not there and of frames (see
     `hil.gap.frames`) are not among them.
     """
+    own = problem.own_leaves(without)
+    if own is not None:
+        return own
     rig = problem.rig
-    if isinstance(rig, BicycleFile):
-        from hil.gap.bicycle.leaves import ride_leaves  # which builds on this module
-
-        return ride_leaves(problem, without)
     motion = problem.motion(vector)
     out: list[Leaf] = []
     for a in rig.actuators:
@@ -121,7 +122,12 @@ def _actuator(
     ]  # fmt: skip
     for limit, most in (("force_saturation", force_n), ("velocity_saturation", speed)):
         top = table[f"{name}.{limit}.limit"].upper
-        starts = [({}, {"limit": s * most}) for s in SATURATED if 0.0 < s * most < top]
+        reached = _reached(problem, name, limit)
+        if reached is None or reached > REACHED * most:
+            continue
+        starts: list[tuple[Changes, ...]] = [
+            ({}, {"limit": s * reached}) for s in SATURATED if 0.0 < s * reached < top
+        ]
         if starts:
             out.append(leaf(limit, "limit", starts))
     periods = force_periods(problem, residual, name)
@@ -135,10 +141,27 @@ def _actuator(
     if "position" in modes:
         out.append(leaf("transport_delay", "delay", [({}, {"delay": d}) for d in DELAYS_S]))
     out.append(leaf("position_offset", "offset", [({}, {"offset": 1e-3})]))
-    lead = [({}, {"scale": 1.005})]
+    lead: list[tuple[Changes, ...]] = [({}, {"scale": 1.005})]
     lead += [({"period": p}, {"amplitude": 5e-5}) for p in lead_periods(problem, residual, name)]
     out.append(leaf("lead_error", "scale amplitude period", lead))
     return out
+
+
+def _reached(problem: Problem, actuator: str, limit: str) -> float | None:
+    """Largest force or speed in the record, short of single samples; None where it has no such signal."""
+    quantity = "force" if limit == "force_saturation" else "position"
+    a = next(a for a in problem.rig.actuators if a.name == actuator)
+    out = []
+    for x in problem.series:
+        if x.actuator != actuator:
+            continue
+        t, v = problem.t_s[x.part], problem.measured[x.part]
+        if quantity == "force" and x.quantity in ("force", "current"):
+            unit = 1.0 if x.quantity == "force" else (a.force_per_ampere or 1.0)
+            out.append(float(np.quantile(np.abs(v * unit), 0.995)))
+        elif x.quantity == quantity and len(t) > 10:
+            out.append(float(np.quantile(np.abs((v[4:] - v[:-4]) / (t[4:] - t[:-4])), 0.995)))
+    return max(out) if out else None
 
 
 def _sensor(signal: str, problem: Problem, actuator: str | None) -> list[Leaf]:
@@ -172,8 +195,9 @@ def _platform(problem: Problem) -> list[Leaf]:
         out.append(Leaf(effect, location, names, starts, None))
 
     linear("payload_mass", "platform", ("mass",))
-    multi = not isinstance(rig.geometry, AxisGeometry)
-    if multi or rig.geometry.load == "pendulum":
+    geometry = rig.geometry
+    multi = not isinstance(geometry, AxisGeometry)
+    if not isinstance(geometry, AxisGeometry) or geometry.load == "pendulum":
         linear("payload_cog", "platform", "xyz")
         linear("payload_inertia", "platform", ("xx", "yy", "zz"))
     if any(a.static_ff for a in rig.actuators):

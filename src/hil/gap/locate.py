@@ -88,10 +88,10 @@ def locate(
         problem, found, best.vector, best.residual, best.jacobian, tuple(motion), cells
     )
     names = tuple(run.path.name for run in loaded)
-    return _answer(rig, names, evidence, best, findings, rng)
+    return located(rig, names, evidence, best, findings, rng)
 
 
-def _answer(
+def located(
     rig: RigFile,
     runs: tuple[str, ...],
     evidence: Evidence,
@@ -99,6 +99,7 @@ def _answer(
     findings: Sequence[Finding],
     rng: np.random.Generator,
 ) -> Located:
+    """The answer that `evidence` gives: signals, places and the sentence."""
     cells, problem = evidence.cells, evidence.problem
     whole = np.array([d == "" for d in cells.dimension])
     blocks = cells.energy.shape[1]

@@ -71,8 +71,10 @@ class NoiseModel:
         return tame(problem, self.sigma, flat)
 
     def weighted_rms(self, problem: Problem, flat: Array) -> dict[str, float]:
-        """By signal, root mean square of residuals (N,) or (D, N), each sample weighed by its noise, spikes cut;
-        in the signal's unit."""
+        """By signal, root mean square of residuals (N,) or (D, N), in the signal's unit.
+
+        Each sample is weighed by its noise; spikes are cut.
+        """
         rows = np.array([self.tamed(problem, r) for r in np.atleast_2d(flat)])
         out = {}
         for signal in problem.signals:
@@ -152,7 +154,7 @@ def from_draws(
             np.abs(drawn[:, x.part]), late, 0.8 * sensor_sigma(problem.rig, x), kept
         )
         rows = np.clip(drawn[:, x.part] / sigma[x.part], -4.0, 4.0)[:, kept]
-        ar, gain = _autoregression(rows)
+        ar, gain = autoregression(rows)
         terms.append(ar)
         gains.append(gain)
     tamed = np.array([tame(problem, sigma, d) for d in drawn])
@@ -160,7 +162,7 @@ def from_draws(
 
 
 def _typical(size: Array, late: Array, least: float, kept: NDArray[np.bool_]) -> Array:
-    """(N,) spread: that of samples which hardly feel time, and in quadrature a part in proportion to `late`."""
+    """(N,) spread: that of samples which hardly feel time, and a part in proportion to `late`."""
     share = np.abs(late)
     calm = kept & (share <= np.quantile(share[kept], 0.4)) if kept.any() else kept
     base = max(1.4826 * float(np.median(size[:, calm])) if calm.any() else least, least)
@@ -187,7 +189,7 @@ def tame(problem: Problem, sigma: Array, flat: Array) -> Array:
     return out
 
 
-def _autoregression(z: Array) -> tuple[Array, float]:
+def autoregression(z: Array) -> tuple[Array, float]:
     """Terms and step of the autoregression of the rows of `z`, by Yule and Walker [M]."""
     n = z.shape[1]
     order = min(ORDER, n // 20)

@@ -23,9 +23,9 @@ VISCOUS: Final = 0.07
 """Of the rig file's own viscous friction: it follows the oil's temperature [R]."""
 COULOMB: Final = 0.06
 """Of the rig file's own Coulomb friction: it follows wear, oil and load [R]."""
-DELAY_S: Final = 0.0003
+DELAY_S: Final = 0.0002
 """A setpoint's way to its drive: mean wait on the bus and phase of the drive's ticks [R]."""
-LATENCY_S: Final = 0.0003
+LATENCY_S: Final = 0.00015
 """A drive's answers: mean wait of request and answer on the bus, and a tick told one too far [R]."""
 FORCE_BIAS: Final = 0.0005
 """Of the largest force: offset of a current sensor [R], but no less than half the force's noise."""

@@ -9,10 +9,10 @@ in which the model depends smoothly on it. All replays of a call run in parallel
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from hil.gap.ticks import Clocks, at_ticks
 from hil.identify.replay import Stretch
 from hil.sim.parameters import ParameterTable
 from hil.sim.twin import Replay, Twin
+
+if TYPE_CHECKING:
+    from hil.gap.leaves import Leaf
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -161,6 +164,11 @@ class Problem:
     def on(self, pieces: Sequence[Stretch], clocks: Clocks) -> Problem:
         """The same questions of other stretches."""
         return Problem(self.rig, pieces, clocks=clocks, settle_s=self.settle_s)
+
+    def own_leaves(self, without: Collection[str]) -> list[Leaf] | None:
+        """Candidates of a kind of problem that has its own; None: those of a driven rig."""
+        del without
+        return None
 
     def answers(self, vectors: Array) -> Array:
         """(B, N) samples for B parameter vectors (B, P of the table); NaN where the twin cannot stand."""

@@ -69,8 +69,8 @@ def refit(
 ) -> Refit:
     """Fit `nuisances` from `start` (default: the rig file's own values), each within LIMIT of its prior.
 
-    Priors are centred on the rig file's values plus their own means, whatever `start` is. `jacobian` (N, K): sensitivities known
-    from a nearby point; they are computed anew only where steps by them stop to help.
+    Priors are centred on the rig file's values plus their own means, whatever `start` is. `jacobian`
+    (N, K): sensitivities known from a nearby point, computed anew only where steps by them stop to help.
     """
     names = [n.name for n in nuisances]
     sd = np.array([n.sd for n in nuisances])

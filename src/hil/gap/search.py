@@ -18,11 +18,10 @@ from scipy.optimize import lsq_linear
 
 from hil.gap.bank import Bank
 from hil.gap.fit import Calibrated
-from hil.gap.nuisances import LIMIT
 
 Array = NDArray[np.float64]
 
-CUT: Final = 12.0
+CUT: Final = 100.0
 """Whitened residuals are cut there: a few wild samples must not choose."""
 RIDGE: Final = 1e-6
 FELT: Final = 1.0
@@ -43,9 +42,8 @@ class Search:
 
     def __init__(self, c: Calibrated, bank: Bank, white: Array | None = None) -> None:
         self.bank = bank
-        free = np.abs(c.z) < LIMIT - 1e-3
         rows = c.train & ~c.noise.spikes(c.problem, c.residual)
-        A = c.jacobian[rows][:, free]
+        A = c.jacobian[rows]
         r = np.clip((c.white if white is None else white)[rows], -CUT, CUT)
         T = np.empty((int(rows.sum()), bank.columns.shape[1]), dtype=np.float32)
         for first in range(0, T.shape[1], 32):
@@ -53,7 +51,7 @@ class Search:
             T[:, first : first + 32] = c.noise.whiten(c.problem, part)[rows]
         H = A.T @ A + np.eye(A.shape[1])
         AT = (A.T.astype(np.float32) @ T).astype(float)
-        Ar = A.T @ r - c.z[free]
+        Ar = A.T @ r - c.z
         S = np.linalg.solve(H, np.column_stack([AT, Ar]))
         self.gram: Array = (T.T @ T).astype(float) - AT.T @ S[:, :-1]
         self.raw: Array = np.einsum("nm,nm->m", T, T, dtype=float)
@@ -62,7 +60,8 @@ class Search:
 
     def felt(self, start: Mapping[str, float]) -> dict[str, float]:
         """`start` without parameters whose own columns change nothing that these data would show."""
-        dull, seen = set(), set()
+        dull: set[str] = set()
+        seen: set[str] = set()
         for leaf, places in zip(self.bank.leaves, self.bank.places, strict=True):
             for s, columns in zip(leaf.starts, places, strict=True):
                 for moved, k in zip(s.columns, columns, strict=True):
@@ -112,7 +111,9 @@ class Search:
         for leaf, cols in zip(leaves, columns, strict=True):
             effect = self.bank.leaves[leaf].effect
             part = slice(k, k + len(cols))
-            if effect in NEAR:
+            if effect in LIMITS:
+                lower[part], upper[part] = 0.999, 1.001
+            elif effect in NEAR:
                 lower[part], upper[part] = NEAR_RANGE
             elif effect in ONE_SIDED:
                 lower[part] = 0.0
@@ -129,8 +130,8 @@ class Search:
 ONE_SIDED: Final = frozenset(
     {"compliance", "hysteresis", "load_friction", "front_suspension", "tyre_compliance"}
 )
-NEAR: Final = frozenset(
-    {"backlash", "force_saturation", "velocity_saturation", "transport_delay", "sensor_latency"}
-)
+LIMITS: Final = frozenset({"force_saturation", "velocity_saturation"})
+"""Their starts are read from the record: nothing to scale."""
+NEAR: Final = frozenset({"backlash", "transport_delay", "sensor_latency"})
 """Effects that grow in no proportion to their parameter: only near a start is its column what they do."""
 NEAR_RANGE: Final = (0.8, 1.25)

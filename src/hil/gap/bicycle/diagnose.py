@@ -10,8 +10,7 @@ import numpy as np
 from hil.config import BicycleFile
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
-from hil.gap.diagnose import DRIFT, EXPLAINED, SOFT, explain
-from hil.gap.diagnose import _verdict as judge
+from hil.gap.diagnose import DRIFT, EXPLAINED, SOFT, explain, judge
 from hil.gap.diagnosis import Diagnosis
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.nuisances import Nuisance

@@ -15,7 +15,7 @@ from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.noise import ride_noise, tempered
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.cells import count_cells
-from hil.gap.locate import _answer as located
+from hil.gap.locate import located
 from hil.gap.noise import projected
 from hil.gap.nuisances import Nuisance
 from hil.gap.regions import Codes

@@ -12,7 +12,7 @@ from hil.bicycle.sensors import noise_of
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.twin import LEAN_TORQUE
-from hil.gap.noise import SPIKE, NoiseModel, _autoregression
+from hil.gap.noise import SPIKE, NoiseModel, autoregression
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) ->
         level = np.convolve(typical, window, "same") / np.convolve(np.ones(len(t)), window, "same")
         sigma[x.part] = np.maximum(level, 0.2 * float(level.mean()))
         rows = (drawn[:, x.part] / sigma[x.part])[:, problem.kept[x.part]]
-        ar, gain = _autoregression(np.clip(rows, -4.0, 4.0))
+        ar, gain = autoregression(np.clip(rows, -4.0, 4.0))
         terms.append(ar)
         gains.append(gain)
     text = (

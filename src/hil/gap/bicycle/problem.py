@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,7 +15,9 @@ from hil.bicycle.recorded import Ride
 from hil.bicycle.sensors import IMU_SIGNALS
 from hil.config import BicycleFile
 from hil.errors import IdentificationError
+from hil.gap.bicycle.leaves import ride_leaves
 from hil.gap.bicycle.twin import FREE_M_S, LEAN_TORQUE, RideTwin
+from hil.gap.leaves import Leaf
 from hil.gap.problem import Mask, Problem, Series
 from hil.rigs.bicycle import pack
 from hil.sim.parameters import ParameterTable
@@ -105,6 +107,10 @@ class RideProblem(Problem):
         """A parameter vector by name."""
         names = (p.name for p in self.table.entries)
         return dict(zip(names, vector.tolist(), strict=True))
+
+    def own_leaves(self, without: Collection[str]) -> list[Leaf] | None:
+        """A ride's own candidates."""
+        return ride_leaves(self, without)
 
     def answers(self, vectors: Array) -> Array:
         """(B, N) samples for B parameter vectors (B, P of the table); NaN where the twin cannot stand."""
