@@ -22,7 +22,6 @@ from hil.gap.next import (
     read_candidates,
     split_of,
 )
-from hil.gap.next.sketches import Sketch
 from hil.identify.experiments import read_experiment
 from hil.rigs import build_rig
 from hil.runs.folder import read_meta
@@ -77,19 +76,6 @@ def test_what_acts_alike_in_any_motion_is_not_promised_to_be_split() -> None:
     assert split is not None
     assert split.apart() == []
     assert split.right == pytest.approx(0.5, abs=0.02)
-
-
-def test_a_motion_that_barely_moves_tells_less_than_one_that_does() -> None:
-    rig = load_rig("axis")
-    candidates, shared = read_candidates(GAP_OR_FRICTION, rig)
-    large = generic_multisine(rig, 12.0)
-    poses = 0.02 * large.trajectory.poses
-    small = Sketch("", "", type(large.trajectory)(rig.coordinates, large.trajectory.t_s, poses))
-    by_large = split_of(large, rig, candidates, shared, SIGNALS)
-    by_small = split_of(small, rig, candidates, shared, SIGNALS)
-    assert by_large is not None
-    assert by_small is not None
-    assert by_small.distance.max() < 0.5 * by_large.distance.max()
 
 
 @pytest.mark.parametrize(
