@@ -33,9 +33,7 @@ def poses(n: int) -> st.SearchStrategy[tuple[float, ...]]:
     return st.tuples(*[reals] * n)
 
 
-frames = st.builds(
-    Frame, st.integers(0, 0x7FF), st.binary(max_size=8), bus=st.integers(0, 3)
-)
+frames = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), bus=st.integers(0, 3))
 states = axes.flatmap(
     lambda n: st.builds(
         r.StateRecord,

@@ -69,7 +69,9 @@ def motion(*points: tuple[float, float, str | None]) -> list[Step]:
     return steps
 
 
-def speeds(*points: tuple[float, float, str | None], at: float = 0.0, age: float = 0.0) -> list[Step]:
+def speeds(
+    *points: tuple[float, float, str | None], at: float = 0.0, age: float = 0.0
+) -> list[Step]:
     """(t, speed, rule): an armed rig that stands at `at`, measured `age` cycles before each."""
     steps: list[Step] = [("arm",)]
     for t, value, rule in points:

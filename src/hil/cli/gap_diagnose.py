@@ -16,7 +16,6 @@ from hil.configfile import load_any_rig
 from hil.errors import RunError
 from hil.gap import Cause, Diagnosis
 from hil.gap import diagnose as diagnose_runs
-from hil.gap.answer import answer_json
 from hil.gap.bicycle import diagnose_rides
 from hil.runs import Run, load_run
 from hil.sim.parameters import ParameterTable
@@ -69,11 +68,11 @@ def diagnose(
         Steps(),
     )
     if json is not None and str(json) == "-":
-        typer.echo(answer_json(found).decode(), nl=False)
+        typer.echo(found.to_json() + b"\n".decode(), nl=False)
     else:
         show(found)
     if json is not None and str(json) != "-":
-        write(json, answer_json(found))
+        write(json, found.to_json() + b"\n")
     if report is not None:
         diagnosis_page(found, report)
         err.print(f"page: {report}", soft_wrap=True, markup=False)

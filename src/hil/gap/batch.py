@@ -19,7 +19,6 @@ from typing import Any
 
 from hil.configfile import load_any_rig
 from hil.errors import ConfigError, HilError, RunError
-from hil.gap.answer import answer_json
 from hil.gap.diagnose import diagnose
 from hil.runs import load_run
 from hil.runs.folder import RUN_TOML, read_meta
@@ -131,7 +130,7 @@ def do_job(job: Job) -> str:
     except (HilError, ArithmeticError, ValueError, LookupError) as error:
         _keep(job.failure, f"{type(error).__name__}: {error}\n".encode())
         return f"failed: {error}"
-    _keep(job.answer, answer_json(found))
+    _keep(job.answer, found.to_json() + b"\n")
     job.failure.unlink(missing_ok=True)
     return found.verdict
 

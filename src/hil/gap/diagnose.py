@@ -430,7 +430,7 @@ def _parameters(c: Calibrated, f: Fit, leaf: Leaf, worth: float) -> dict[str, Pa
             continue
         p = c.problem.table[name]
         x, half = p.to_search(float(value)), CI * WIDEN * float(sd) * np.sqrt(worth)
-        ends = sorted((p.from_search(x - half), p.from_search(x + half)))
+        ends = sorted(float(p.from_search(e)) for e in (x - half, x + half))
         out[p.parameter] = ParameterValue(
             float(value), (max(ends[0], p.lower), min(ends[1], p.upper)), p.unit, name in f.at_bound
         )

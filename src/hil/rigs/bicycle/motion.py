@@ -117,7 +117,12 @@ def ride(
     )  # fmt: skip
     springs = (np.array(spring, dtype=float), np.array(damper, dtype=float))
     broke = simulate(
-        parts, measured.dt_s, told, np.array(start, dtype=float), springs, (q, qd, qdd, lam, imu, force)
+        parts,
+        measured.dt_s,
+        told,
+        np.array(start, dtype=float),
+        springs,
+        (q, qd, qdd, lam, imu, force),
     )
     if broke >= 0:
         lean, _, steer = measured.angle[broke]
