@@ -68,7 +68,7 @@ def diagnose(
         Steps(),
     )
     if json is not None and str(json) == "-":
-        typer.echo(found.to_json() + b"\n".decode(), nl=False)
+        typer.echo(found.to_json().decode())
     else:
         show(found)
     if json is not None and str(json) != "-":

@@ -24,6 +24,8 @@ TEMPER: Final = 2.0
 """What evidence is divided by on top, for what no correlation shows [set on training cases]."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
+UNUSED: Final = 0.13
+"""What a parameter costs at least, as a ratio: freedom that changes nothing is no reason to choose it."""
 MORE: Final = 12.0
 """Nats that each further effect must earn beyond its parameters."""
 ALIKE: Final = 0.5
@@ -98,7 +100,7 @@ def log_evidence(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
         at = p.to_search(float(f.values[f.names.index(name)]))
         free = RANGE * step_size(p, at)
         spread = np.sqrt(2.0 * np.pi) * sd * np.sqrt(TEMPER * mean)
-        total += float(np.log(min(spread / free, 1.0))) if spread > 0.0 else 0.0
+        total += float(np.log(np.clip(spread / free, 1e-12, UNUSED)))
         away = at - p.to_search(p.neutral)
         if p.parameter not in ABSOLUTE and np.isfinite(away):
             total -= 0.5 * float(away / free) ** 2
