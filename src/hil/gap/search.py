@@ -8,7 +8,7 @@ the twin afterwards.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,6 +18,7 @@ from scipy.optimize import lsq_linear
 
 from hil.gap.bank import Bank
 from hil.gap.fit import Calibrated
+from hil.gap.nuisances import LIMIT
 
 Array = NDArray[np.float64]
 
@@ -43,20 +44,24 @@ class Search:
     def __init__(self, c: Calibrated, bank: Bank, white: Array | None = None) -> None:
         self.bank = bank
         rows = c.train & ~c.noise.spikes(c.problem, c.residual)
-        A = c.jacobian[rows]
         r = np.clip((c.white if white is None else white)[rows], -CUT, CUT)
         T = np.empty((int(rows.sum()), bank.columns.shape[1]), dtype=np.float32)
         for first in range(0, T.shape[1], 32):
             part = bank.columns[:, first : first + 32].astype(float)
             T[:, first : first + 32] = c.noise.whiten(c.problem, part)[rows]
-        H = A.T @ A + np.eye(A.shape[1])
-        AT = (A.T.astype(np.float32) @ T).astype(float)
-        Ar = A.T @ r - c.z
-        S = np.linalg.solve(H, np.column_stack([AT, Ar]))
-        self.gram: Array = (T.T @ T).astype(float) - AT.T @ S[:, :-1]
-        self.raw: Array = np.einsum("nm,nm->m", T, T, dtype=float)
+        raw = (T.T @ T).astype(float)
+        self.raw: Array = np.diag(raw)
         """(M,) squared whitened size of each column before the nuisances took their part."""
-        self.inner: Array = (T.T @ r.astype(np.float32)).astype(float) - AT.T @ S[:, -1]
+        inner = (T.T @ r.astype(np.float32)).astype(float)
+        free = np.abs(c.z) < LIMIT - 1e-3
+        # Nuisances at their bounds would go on outwards, or come back once an effect is there: both are seen.
+        self._pictures: list[tuple[Array, Array]] = []
+        for some in (free, np.ones_like(free)) if not free.all() else (free,):
+            A = c.jacobian[rows][:, some]
+            H = A.T @ A + np.eye(A.shape[1])
+            AT = (A.T.astype(np.float32) @ T).astype(float)
+            S = np.linalg.solve(H, np.column_stack([AT, A.T @ r - c.z[some]]))
+            self._pictures.append((raw - AT.T @ S[:, :-1], inner - AT.T @ S[:, -1]))
 
     def felt(self, start: Mapping[str, float]) -> dict[str, float]:
         """`start` without parameters whose own columns change nothing that these data would show."""
@@ -73,28 +78,21 @@ class Search:
         out = [self.set_of((k,)) for k in range(len(self.bank.leaves))]
         return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
 
-    def with_others(self, fixed: Sequence[int], others: Iterable[int]) -> list[Proposal]:
-        """The sets `fixed` + one other, best first."""
-        out = [self.set_of((*fixed, k)) for k in others if k not in fixed]
-        return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
-
     def set_of(self, leaves: tuple[int, ...]) -> Proposal | None:
         """The best starts and amplitudes of a set of leaves."""
         best: Proposal | None = None
         for starts in itertools.product(*(range(len(self.bank.places[k])) for k in leaves)):
             columns = [self.bank.places[k][s] for k, s in zip(leaves, starts, strict=True)]
             index = [i for c in columns for i in c]
-            G = self.gram[np.ix_(index, index)]
-            size = np.sqrt(np.maximum(np.diag(G), 1e-12))
-            b = self.inner[index] / size
-            scaled = G / np.outer(size, size) + RIDGE * np.eye(len(index))
-            a, gain = self._bounded(leaves, columns, scaled, b, size)
-            if best is None or gain > best.gain:
-                parts, k = [], 0
-                for s, c in zip(starts, columns, strict=True):
-                    parts.append((s, a[k : k + len(c)]))
-                    k += len(c)
-                best = Proposal(leaves, tuple(parts), gain)
+            for gram, inner in self._pictures:
+                G = gram[np.ix_(index, index)]
+                size = np.sqrt(np.maximum(np.diag(G), 1e-12))
+                scaled = G / np.outer(size, size) + RIDGE * np.eye(len(index))
+                a, gain = self._bounded(leaves, columns, scaled, inner[index] / size, size)
+                if best is None or gain > best.gain:
+                    ends = np.cumsum([len(c) for c in columns])[:-1]
+                    parts = tuple(zip(starts, np.split(a, ends), strict=True))
+                    best = Proposal(leaves, parts, gain)
         return best
 
     def _bounded(
