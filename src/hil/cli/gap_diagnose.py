@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,12 +12,13 @@ import typer
 from rich.table import Column, Table
 
 from hil.cli.console import err, out
-from hil.config import AnyRig, BicycleFile
+from hil.config import AnyRig, BicycleFile, RigFile
 from hil.configfile import load_any_rig
-from hil.errors import RunError
+from hil.errors import IdentificationError, RunError
 from hil.gap import Cause, Diagnosis
 from hil.gap import diagnose as diagnose_runs
 from hil.gap.bicycle import diagnose_rides
+from hil.gap.next import next_experiment
 from hil.runs import Run, load_run
 from hil.sim.parameters import ParameterTable
 from hil.ui.diagnosis_page import diagnosis_page
@@ -52,6 +54,13 @@ def diagnose(
         Path | None, typer.Option("--report", help="Write a page with pictures (HTML).")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the noise that is drawn.")] = 0,
+    propose: Annotated[
+        bool,
+        typer.Option(
+            "--propose/--no-propose",
+            help="Where candidates are left, look for the motion that splits them (as `hil gap next`).",
+        ),
+    ] = True,
 ) -> None:
     """Name the effect that makes the gap, with parameters, and what it takes off data that no fit has seen.
 
@@ -67,6 +76,8 @@ def diagnose(
         seed,
         Steps(),
     )
+    if propose and found.verdict == "ambiguous" and not isinstance(settings, BicycleFile):
+        found = with_proposal(found, settings, seed)
     if json is not None and str(json) == "-":
         typer.echo(found.to_json().decode())
     else:
@@ -94,6 +105,17 @@ def diagnosed(
     return diagnose_runs(
         runs, rig, references=references, without=without, seed=seed, report=report
     )
+
+
+def with_proposal(found: Diagnosis, rig: RigFile, seed: int) -> Diagnosis:
+    """The same diagnosis with the experiment that would split its candidates, where one can be found."""
+    err.print("looking for a motion that splits what is left", markup=False)
+    try:
+        proposal = next_experiment(found.tables(), rig, seed)
+    except IdentificationError as error:
+        err.print(f"no experiment: {error}", style="yellow", markup=False, soft_wrap=True)
+        return found
+    return replace(found, next_experiment=proposal)
 
 
 def all_but(rig: AnyRig, effects: str) -> tuple[str, ...]:
