@@ -12,6 +12,7 @@ from hil.drives.cia402.meaning import number_of, writable_objects
 from hil.drives.cia402.profile import Cia402Profile
 from hil.drives.cia402.sdo import Transfer
 from hil.drives.describe import parameter_names
+from hil.drives.driver import PowerGoal
 from hil.drives.lust_cdd3000 import codec as lust
 from hil.drives.meaning import writable_parameters
 from hil.drives.power import decode_status_word
@@ -20,6 +21,8 @@ from hil.errors import DriveError, ProtocolError
 from hil.frames import Frame
 
 ANSWER_S: Final = 0.3
+GATE_CYCLES: Final = 25
+"""A little more than the gate counts frames over: objects are written one by one, not in a burst."""
 TRIES: Final = 3
 SHOWN: Final = (
     0x1008,
@@ -108,6 +111,7 @@ def set_up_homing(desk: Desk) -> float:
         ("0x6060", 6),
     ):
         write(desk, name, str(value))
+        desk.run(PowerGoal.OFF, lambda: False, GATE_CYCLES * desk.rig.bus.cycle)
     return homing.timeout
 
 
