@@ -70,7 +70,9 @@ VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 CI: Final = 1.645
 WIDEN: Final = 1.5
-"""Of intervals: the twin's laws are not the rig's [set on training cases]."""
+"""Of what noise does to a parameter [set on training cases]."""
+OTHER_LAW: Final = 0.13
+"""Of an effect's own size, by which the parameter of another law may differ [set on training cases]."""
 
 
 def diagnose(
@@ -429,7 +431,9 @@ def _parameters(c: Calibrated, f: Fit, leaf: Leaf, worth: float) -> dict[str, Pa
         if name not in leaf.parameters:
             continue
         p = c.problem.table[name]
-        x, half = p.to_search(float(value)), CI * WIDEN * float(sd) * np.sqrt(worth)
+        x = p.to_search(float(value))
+        away = x - p.to_search(p.neutral) if np.isfinite(p.to_search(p.neutral)) else x
+        half = np.hypot(CI * WIDEN * float(sd) * np.sqrt(worth), OTHER_LAW * away)
         ends = sorted(float(p.from_search(e)) for e in (x - half, x + half))
         out[p.parameter] = ParameterValue(
             float(value), (max(ends[0], p.lower), min(ends[1], p.upper)), p.unit, name in f.at_bound
