@@ -58,6 +58,8 @@ SURE: Final = 0.8
 LARGE: Final = 2.0
 """Floors on any signal over the whole record that are a gap, however short its parts."""
 ROUNDED: Final = "sensor_quantisation"
+STRAIN: Final = 2.6
+"""Prior standard deviations from which on a nuisance is suspected to hide an effect."""
 SUSPECT: Final = 1.2
 """Floors on any signal from which on candidates are weighed at all."""
 CLEAR: Final = 15.0
@@ -96,17 +98,19 @@ def diagnose(
     nuisances = None
     if healthy:
         say("calibrating on the healthy references")
-        nuisances = _calibration(healthy, rig, seed)
+        found = locate(healthy, rig, seed=seed)
+        nuisances = as_found(found, default_nuisances(rig, found.evidence.problem.signals))
     say("locating the gap")
     located = locate(loaded, rig, nuisances=nuisances, seed=seed)
     return explain(located, nuisances, without=without, seed=seed, report=say)
 
 
-def _calibration(healthy: Sequence[Run], rig: RigFile, seed: int) -> list[Nuisance]:
-    """Nuisances as the references leave them: where they stand, and as wide as they may still drift."""
-    found = locate(healthy, rig, seed=seed)
-    e = found.evidence
-    by_name = {n.name: n for n in default_nuisances(rig, e.problem.signals)}
+def as_found(found: Located, priors: Sequence[Nuisance]) -> list[Nuisance]:
+    """Nuisances as references leave them: where they stand, and as wide as they may still drift.
+
+    `found`: the references located with `priors`.
+    """
+    by_name = {n.name: n for n in priors}
     out = []
     for f in found.nuisances:
         n = by_name[f.name]
@@ -133,7 +137,9 @@ def explain(
     ends, held_out = split(whole, _run_numbers(whole))
     chosen = tuple(nuisances or default_nuisances(whole.rig, whole.signals))
     steps = {} if "sensor_quantisation" in without else coarse_steps(whole)
-    if not (located.is_gap or steps or _strained(located) or _weighed_ratio(located) > SUSPECT):
+    if not (
+        located.is_gap or steps or _strained(located, chosen) or _weighed_ratio(located) > SUSPECT
+    ):
         return _no_gap(located, held_out)
     problem, rows = part_of(whole, ends)
     noise = noise_of(e.noise, whole, problem, rows)
@@ -169,9 +175,12 @@ def _weighed_ratio(located: Located) -> float:
     return max(left[s] / floors[s] for s in left if floors[s] > 0.0)
 
 
-def _strained(located: Located) -> bool:
-    """Whether a nuisance had to go further than calibrations do."""
-    return any(n.at_bound or abs(n.change) > 2.6 * n.prior_sd for n in located.nuisances)
+def _strained(located: Located, nuisances: Sequence[Nuisance]) -> bool:
+    """Whether a nuisance had to go further from its prior's mean than calibrations do."""
+    mean = {n.name: n.mean for n in nuisances}
+    return any(
+        f.at_bound or abs(f.change - mean[f.name]) > STRAIN * f.prior_sd for f in located.nuisances
+    )
 
 
 def _no_gap(located: Located, held_out: str) -> Diagnosis:

@@ -121,18 +121,6 @@ class NoiseModel:
         return out
 
 
-def sensors_only(problem: Problem) -> NoiseModel:
-    """A first guess: the sensors of the rig file and nothing else."""
-    sigma = np.empty(problem.size)
-    for x in problem.series:
-        sigma[x.part] = sensor_sigma(problem.rig, x)
-    none = tuple(np.empty(0) for _ in problem.series)
-    return NoiseModel(
-        "model", "sensors of the rig file", np.empty((0, problem.size)), sigma, none,
-        (1.0,) * len(problem.series),
-    )  # fmt: skip
-
-
 def from_draws(
     problem: Problem,
     drawn: Array,

@@ -141,8 +141,3 @@ def _pairs(
         if close.sum():
             out[x.signal] = (mine[close] + x.part.start, near[close] + other.part.start)
     return out
-
-
-def pair_count(repeats: Sequence[Repeats], signal: str) -> int:
-    """How many pairs of samples speak of a signal's noise."""
-    return sum(len(r.pairs.get(signal, ((), ()))[0]) for r in repeats)

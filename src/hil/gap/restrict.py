@@ -16,8 +16,9 @@ Index = NDArray[np.int64]
 
 def part_of(problem: Problem, ends_s: Sequence[float | None]) -> tuple[Problem, Index]:
     """The stretches of `problem` up to `ends_s` (None: left out whole), and the samples that they are."""
-    kept = [k for k, end in enumerate(ends_s) if end is not None]
-    pieces = [problem.sent[k].until(float(ends_s[k])) for k in kept]  # type: ignore[arg-type]
+    seen = [(k, end) for k, end in enumerate(ends_s) if end is not None]
+    kept = [k for k, _ in seen]
+    pieces = [problem.sent[k].until(end) for k, end in seen]
     clocks = {(kept.index(k), a): c for (k, a), c in problem.clocks.items() if k in kept}
     small = problem.on(pieces, clocks)
     places = {(x.stretch, x.signal): x.part.start for x in problem.series}

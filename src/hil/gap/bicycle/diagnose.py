@@ -10,7 +10,7 @@ import numpy as np
 from hil.config import BicycleFile
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
-from hil.gap.diagnose import DRIFT, EXPLAINED, SOFT, explain, judge
+from hil.gap.diagnose import EXPLAINED, SOFT, as_found, explain, judge
 from hil.gap.diagnosis import Diagnosis
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.nuisances import Nuisance
@@ -33,15 +33,7 @@ def diagnose_rides(
     if healthy:
         say("calibrating on the healthy references")
         found = locate_rides(healthy, rig, seed=seed)
-        by_name = {n.name: n for n in ride_nuisances(rig, found.evidence.problem)}
-        nuisances = [
-            replace(
-                by_name[f.name],
-                mean=f.change,
-                sd=float(np.hypot(f.sd, DRIFT * by_name[f.name].sd)),
-            )
-            for f in found.nuisances
-        ]
+        nuisances = as_found(found, ride_nuisances(rig, found.evidence.problem))
     say("locating the gap")
     located = locate_rides(runs, rig, nuisances=nuisances, seed=seed)
     chosen = nuisances or list(ride_nuisances(rig, located.evidence.problem))
