@@ -27,7 +27,7 @@ CYCLE_S = 0.02
 SLOWER = {
     "\ncycle = 0.01\n": f"\ncycle = {CYCLE_S}\n",
     "\n[cue]\n": "\n[safety]\nanswer_timeout = 0.4\ndrive_watchdog = 0.5\noverrun_cycles = 15\n"
-    "\n[cue]\nstale = 0.8\n",
+    "\n[cue]\nstale = 4.0\n",
 }
 """What a rig file must be patient about in a guest: one CPU for daemon, gateway, rig and test, which all
 stand still while the guest waits for a file of the host."""

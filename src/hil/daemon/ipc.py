@@ -20,6 +20,10 @@ MAX_DATAGRAM: Final = 32 * 1024
 BUFFER_BYTES: Final = 4 * 1024 * 1024
 """Asked of the kernel, which grants at most net.core.wmem_max; half a second of a busy rig fits."""
 
+AT_ONCE: Final = 4
+"""Datagrams read before anything else of the loop has its turn: cues must not wait behind the frames of a
+flooded bus. Who cannot keep up loses records, not cues."""
+
 
 def socket_pair() -> tuple[socket.socket, socket.socket]:
     """Two connected sockets, one for each process; a child is given its end's file descriptor."""
@@ -74,7 +78,7 @@ class Channel:
             return len(batch)
         return 0
 
-    def receive(self, most: int = 64) -> list[Record]:
+    def receive(self, most: int = AT_ONCE) -> list[Record]:
         """Records that wait, from at most `most` datagrams; empty if there are none."""
         records: list[Record] = []
         for _ in range(most):
