@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 Quantity = Literal["position", "velocity", "force", "current"]
 """What a drive can be asked for. m or rad, m/s or rad/s, N or N·m, A — at the actuator's output."""
@@ -15,8 +15,7 @@ Severity = Literal["info", "warning", "fault"]
 """fault: the rig leaves normal operation; warning: somebody should look; info: neither."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """One measured value. `source` is an actuator's name or "imu"."""
 
     source: str

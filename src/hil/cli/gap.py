@@ -15,12 +15,10 @@ from hil.cli.gap_batch import batch
 from hil.cli.gap_diagnose import diagnose
 from hil.cli.gap_next import next_experiment
 from hil.cli.gap_rest import rest
-from hil.config import BicycleFile
 from hil.configfile import load_any_rig
 from hil.errors import RunError
 from hil.gap import Located
-from hil.gap import locate as locate_gap
-from hil.gap.bicycle import locate_rides
+from hil.gap.bicycle import locate_any
 from hil.runs import load_run
 from hil.ui.gap_page import gap_page
 
@@ -58,10 +56,7 @@ def locate(
     """Find the gap by signal, frequency band and operating region, above the floor of noise."""
     settings = load_any_rig(rig)
     loaded = [load_run(path, settings) for path in runs]
-    if isinstance(settings, BicycleFile):
-        found = locate_rides(loaded, settings, seed=seed)
-    else:
-        found = locate_gap(loaded, settings, seed=seed)
+    found = locate_any(loaded, settings, seed=seed)
     if json is not None and str(json) == "-":
         typer.echo(found.to_json().decode())
     else:

@@ -8,9 +8,8 @@ else of the driver that made them. Whatever cannot be read back in full is `UNKN
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum, unique
-from typing import Final, Literal, Protocol
+from typing import Final, Literal, NamedTuple, Protocol
 
 from hil.config import RigFile
 from hil.drives.lust_cdd3000 import codec
@@ -49,8 +48,7 @@ class Ask(Enum):
     """A frame that the family's layout does not explain in full."""
 
 
-@dataclass(frozen=True, slots=True)
-class Meaning:
+class Meaning(NamedTuple):
     """What one frame asks. Fields that the ask does not need are None."""
 
     ask: Ask

@@ -225,7 +225,6 @@ class PhaseMachine(Generic[S]):
             return
         trouble = self._silence(now_s) or self._refusal() or self._power_trouble(now_s)
         makes_force = self.status.power is PowerState.OPERATION_ENABLED
-        lacks = self._lacks()
         if trouble is not None:
             self.fault(now_s, *trouble)
         elif self.phase is DrivePhase.LOGGED_ON:
@@ -239,7 +238,7 @@ class PhaseMachine(Generic[S]):
         elif self.phase is DrivePhase.READY:
             if makes_force:
                 self._enter(now_s, DrivePhase.ENABLED)
-            elif lacks is not None:
+            elif (lacks := self._lacks()) is not None:
                 self._say(now_s, "warning", "drive_not_ready", f"is no longer ready: {lacks}")
                 self._enter(now_s, DrivePhase.CONFIGURED)
         elif not makes_force:

@@ -7,7 +7,7 @@ frames carry the number of their bus.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from hil.drives.driver import DriveBus, DriveDriver, DriveStatus, PowerGoal
 from hil.drives.meaning import FrameMeaning, Meaning
@@ -82,10 +82,10 @@ class TogetherMeaning:
         part, actuators = self._of[can_id]
         meant = part.meaning(can_id & EFF_MASK, data)
         if meant.actuator is None:
-            return replace(meant, actuators=actuators)
+            return meant._replace(actuators=actuators)
         if actuators[meant.actuator] == meant.actuator:
             return meant
-        return replace(meant, actuator=actuators[meant.actuator])
+        return meant._replace(actuator=actuators[meant.actuator])
 
 
 class DrivesTogether:

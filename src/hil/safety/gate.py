@@ -8,8 +8,7 @@ except in read-only mode.
 from __future__ import annotations
 
 from collections import Counter, deque
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from hil.drives.meaning import Ask, FrameMeaning, Meaning
 from hil.frames import Frame
@@ -34,8 +33,7 @@ HARMLESS: Final = frozenset({Rule.READ_ONLY, Rule.DUPLICATE})
 """Refusals that say nothing bad of the sender: listening only, or a frame the drive has just had."""
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(NamedTuple):
     """Whether a frame may go out: what it asks, or the rule it breaks and a sentence."""
 
     ok: bool

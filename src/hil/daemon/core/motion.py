@@ -13,7 +13,7 @@ from hil.control.observer import Observed, Observer
 from hil.control.platform_filter import PlatformFilter
 from hil.control.reference import Reference
 from hil.control.setpoints import Setpoints
-from hil.control.shaping import CueShaper
+from hil.daemon.core.pacing import PacedShaper
 from hil.daemon.records import ActuatorState
 from hil.rigs import Manipulator
 from hil.safety.rigstate import MotionGoal
@@ -31,7 +31,8 @@ class Motion:
     def __init__(self, rig: RigFile, manipulator: Manipulator, torque_reference: bool) -> None:
         self.manipulator = manipulator
         self.guard = CueGuard(rig)
-        self.shaper = CueShaper(rig, manipulator)
+        self._paced = PacedShaper(rig, manipulator)
+        self.shaper = self._paced.shaper
         self.observer = Observer(rig, manipulator)
         self.observed = self.observer.estimate(0.0)
         self.reference: Reference | None = None
@@ -91,12 +92,12 @@ class Motion:
     @property
     def at_rest(self) -> bool:
         """Whether what the controller is asked for rests, with nothing on its way in the filter."""
-        return self.shaper.at_rest and (self._filter is None or self._filter.at_rest)
+        return self._paced.at_rest and (self._filter is None or self._filter.at_rest)
 
     @property
     def at_parked(self) -> bool:
         """Whether it rests in the parked pose."""
-        return self.shaper.at_parked and self.at_rest
+        return self._paced.at_parked and self.at_rest
 
     def step(self, now_s: float, goal: MotionGoal) -> Setpoints | None:
         """Setpoints of the cycle that starts at `now_s`; None while drives are off."""
@@ -105,7 +106,7 @@ class Motion:
         else:
             if goal is not self._goal:
                 self._turn_to(goal)
-            asked = self.shaper.step(now_s)
+            asked = self._paced.step(now_s)
             self.reference = asked if self._filter is None else self._filter.step(asked)
             self.setpoints = self._controller.step(now_s, self.reference, self.observed)
         self._goal = goal
@@ -125,7 +126,7 @@ class Motion:
         """Drives are off: what will be asked first is where the rig stands."""
         self.reference = self.setpoints = None
         if self.observed.is_known:
-            self.shaper.reset(self.observed.pose)
+            self._paced.reset(self.observed.pose)
             if self._filter is not None:
                 self._filter.reset(self.observed.pose)
             self._controller.reset(self.observed)

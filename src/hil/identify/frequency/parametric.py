@@ -6,16 +6,17 @@ platform filter of "Towards Simulating a Mid-size Stewart Platform on a Large He
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import brentq, least_squares
 from scipy.stats import t as student
 
 from hil.errors import IdentificationError
+from hil.identify.frequency.line_noise import steadied
 from hil.identify.frequency.response import CONFIDENCE, FrequencyResponse
 
 Array = NDArray[np.float64]
@@ -30,6 +31,9 @@ HIGHEST: Final = 30.0
 DAMPINGS: Final = (0.02, 5.0)
 DELAYS: Final = 60
 FREQUENCIES: Final = 24
+PROFILED: Final = 1.0e-9
+ENDS: Final = 0.003
+"""Relative tolerances: of the fits behind an interval, and of its ends."""
 TELLS: Final = 0.5
 """A parameter whose interval is wider than this share of its value is not told by these data."""
 
@@ -81,8 +85,9 @@ def fit_second_order(
 ) -> SecondOrderFit:
     """Fit gain, frequency (Hz), damping and delay (s); `fixed` holds some of them, `known` (F,) is a factor.
 
-    Each line weighs by its standard deviation. Intervals are Student's, widened where the residuals are
-    larger than the noise says: a wrong model must not look sure. IdentificationError with too few lines.
+    Each line weighs by its standard deviation, `steadied` first. Intervals are where the profile of the
+    likelihood falls by Student's t, widened where the residuals are larger than the noise says: a wrong
+    model must not look sure. IdentificationError with too few lines.
     """
     hz = response.hz
     factor = np.ones(len(hz), dtype=complex) if known is None else known
@@ -93,53 +98,133 @@ def fit_second_order(
         raise IdentificationError(
             f"{len(hz)} lines cannot tell {', '.join(free)}: excite at least {len(free) // 2 + 2}"
         )
-    sigma = np.maximum(response.std, SMALLEST_STD * np.abs(response.value)) / np.sqrt(2.0)
-
-    def values(x: Array) -> list[float]:
-        given = dict(zip(free, x, strict=True))
-        return [float(fixed.get(n, given.get(n, 0.0))) for n in NAMES]
-
-    def residual(x: Array) -> Array:
-        left = (second_order(hz, *values(x)) * factor - response.value) / sigma
-        return np.concatenate([left.real, left.imag])
-
-    start = _start(response, factor, fixed, sigma)
-    bounds = {
-        "gain": (-1e12, 1e12),
-        "frequency": (0.1 * hz[0], HIGHEST * hz[-1]),
-        "damping": DAMPINGS,
-        "delay": (-1.0, 2.0),
-    }
-    low, high = (np.array([bounds[n][k] for n in free]) for k in (0, 1))
-    scale = [max(abs(start[n]), 1e-2) for n in free]
-    found = least_squares(
-        residual,
-        [start[n] for n in free],
-        bounds=(low, high),
-        x_scale=scale,
-        xtol=1e-12,
-        ftol=1e-12,
-    )
-    misfit = float(np.sqrt(2.0 * found.cost / freedom))
-    slopes = np.asarray(found.jac)
-    covariance = np.linalg.pinv(slopes.T @ slopes) * max(misfit, 1.0) ** 2
-    at_bound = (found.x < low + 1e-6 * np.abs(low)) | (found.x > high - 1e-6 * np.abs(high))
-    stuck = {n for n, is_at in zip(free, at_bound, strict=True) if is_at}
+    sigma = np.maximum(steadied(response), SMALLEST_STD * np.abs(response.value)) / np.sqrt(2.0)
+    problem = _Problem(response, factor, sigma)
+    best = problem.solve(_start(response, factor, fixed, sigma) | fixed, free)
+    misfit = float(np.sqrt(2.0 * best.cost / freedom))
+    std = problem.std(best.values, free)
     reach = float(student.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
-    std = dict(zip(free, np.sqrt(np.diag(covariance)), strict=True))
     parameters = {}
-    for name, value in zip(NAMES, values(found.x), strict=True):
-        half = reach * float(std.get(name, 0.0))
-        size = abs(value) if name != "delay" else max(abs(value), 0.1 / float(hz.max()))
-        parameters[name] = Estimate(
-            value,
-            float(std.get(name, 0.0)),
-            (value - half, value + half),
-            UNITS[name],
-            half <= TELLS * size and name not in stuck,
+    for name, value in best.values.items():
+        if name in fixed:
+            parameters[name] = Estimate(value, 0.0, (value, value), UNITS[name], True)
+            continue
+        own = max(misfit, 1.0) * std[name]
+        low, high = (
+            problem.end(best, free, name, sign, reach * max(misfit, 1.0), reach * own)
+            for sign in (-1.0, 1.0)
         )
-    model = second_order(hz, *values(found.x)) * factor
+        size = abs(value) if name != "delay" else max(abs(value), 0.1 / float(hz.max()))
+        is_told = 0.5 * (high - low) <= TELLS * size and not problem.is_at_bound(name, value)
+        parameters[name] = Estimate(value, own, (low, high), UNITS[name], is_told)
+    model = second_order(hz, *best.values.values()) * factor
     return SecondOrderFit(parameters, hz, model, misfit)
+
+
+@dataclass(frozen=True, slots=True)
+class _Best:
+    values: Mapping[str, float]
+    """In the order of `NAMES`."""
+    cost: float
+    """Half the sum of squares of residual over its standard deviation."""
+
+
+class _Problem:
+    """Weighted residuals of one response, minimised over some of the parameters."""
+
+    def __init__(self, response: FrequencyResponse, factor: ComplexArray, sigma: Array) -> None:
+        self._hz, self._value = response.hz, response.value
+        self._factor, self._sigma = factor, sigma
+        self._bounds = {
+            "gain": (-1e12, 1e12),
+            "frequency": (0.1 * response.hz[0], HIGHEST * response.hz[-1]),
+            "damping": DAMPINGS,
+            "delay": (-1.0, 2.0),
+        }
+
+    def solve(
+        self, start: Mapping[str, float], free: Sequence[str], tolerance: float = 1e-12
+    ) -> _Best:
+        """The least cost from `start` over `free`; the other parameters stay."""
+        at = {n: float(start[n]) for n in NAMES}
+
+        def values(x: Array) -> dict[str, float]:
+            return at | dict(zip(free, x.tolist(), strict=True))
+
+        def residual(x: Array) -> Array:
+            left = second_order(self._hz, *values(x).values()) * self._factor - self._value
+            return _parts(left / self._sigma)
+
+        if not free:
+            return _Best(at, 0.5 * float(np.sum(residual(np.zeros(0)) ** 2)))
+        low, high = (np.array([self._bounds[n][k] for n in free]) for k in (0, 1))
+        found = least_squares(
+            residual,
+            np.clip([at[n] for n in free], low, high),
+            lambda x: self._slopes(values(x), free),
+            bounds=(low, high),
+            x_scale=[max(abs(at[n]), 1e-2) for n in free],
+            xtol=tolerance,
+            ftol=tolerance,
+        )
+        return _Best(values(found.x), float(found.cost))
+
+    def std(self, values: Mapping[str, float], free: Sequence[str]) -> dict[str, float]:
+        """Standard deviations by linearisation, with the residuals as the noise says."""
+        slopes = self._slopes(values, free)
+        covariance = np.linalg.pinv(slopes.T @ slopes)
+        return dict(zip(free, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+
+    def is_at_bound(self, name: str, value: float) -> bool:
+        """Whether a value lies where the search ends."""
+        low, high = self._bounds[name]
+        return bool(value <= low + 1e-6 * abs(low) or value >= high - 1e-6 * abs(high))
+
+    def end(
+        self, best: _Best, free: Sequence[str], name: str, sign: float, rise: float, guess: float
+    ) -> float:
+        """Where the profile of `name` is `rise` standard deviations above its minimum, to one side.
+
+        The search's bound where it does not get there: these data set no end.
+        """
+        others = [n for n in free if n != name]
+        bound = self._bounds[name][1 if sign > 0.0 else 0]
+        room = abs(bound - best.values[name])
+        last = best.values
+
+        def above(step: float) -> float:
+            nonlocal last
+            value = best.values[name] + sign * step
+            there = self.solve({**last, name: value}, others, PROFILED)
+            last = there.values
+            return np.sqrt(2.0 * max(there.cost - best.cost, 0.0)) - rise
+
+        inner, outer = 0.0, min(max(guess, 1e-12 * max(abs(best.values[name]), 1.0)), room)
+        while outer < room and above(outer) < 0.0:
+            inner, outer = outer, min(2.0 * outer, room)
+        if outer >= room and (room <= 0.0 or above(room) <= 0.0):
+            return float(bound)
+        last = best.values
+        step = float(brentq(above, inner, outer, xtol=ENDS * outer, rtol=ENDS))
+        return best.values[name] + sign * step
+
+    def _slopes(self, values: Mapping[str, float], free: Sequence[str]) -> Array:
+        """Derivatives (2 F, free) of the weighted residuals."""
+        gain, frequency, damping, delay = values.values()
+        x = self._hz / frequency
+        below = 1.0 - x * x + 2j * damping * x
+        unit = second_order(self._hz, 1.0, frequency, damping, delay) * self._factor / self._sigma
+        by = {
+            "gain": unit,
+            "frequency": gain * unit / below * (2j * damping - 2.0 * x) * x / frequency,
+            "damping": -gain * unit / below * 2j * x,
+            "delay": -2j * np.pi * self._hz * gain * unit,
+        }
+        return np.stack([_parts(by[n]) for n in free], axis=1)
+
+
+def _parts(z: ComplexArray) -> Array:
+    return np.concatenate([z.real, z.imag])
 
 
 def _start(
