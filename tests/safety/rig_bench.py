@@ -48,7 +48,7 @@ def drive(phase: DrivePhase = DrivePhase.READY, now_s: float = 0.0, **changed: A
         garbage=0,
         unasked=0,
     )
-    return replace(status, **changed)
+    return status._replace(**changed)
 
 
 class Bench:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -16,10 +16,9 @@ from hil.config import AnyRig, BicycleFile, RigFile
 from hil.configfile import load_any_rig
 from hil.errors import IdentificationError, RunError
 from hil.gap import Cause, Diagnosis
-from hil.gap import diagnose as diagnose_runs
-from hil.gap.bicycle import diagnose_rides
+from hil.gap.bicycle import diagnose_any
 from hil.gap.next import next_experiment
-from hil.runs import Run, load_run
+from hil.runs import load_run
 from hil.sim.parameters import ParameterTable
 from hil.ui.diagnosis_page import diagnosis_page
 
@@ -68,13 +67,13 @@ def diagnose(
     """
     settings = load_any_rig(rig)
     without = all_but(settings, effects)
-    found = diagnosed(
+    found = diagnose_any(
         [load_run(path, settings) for path in runs],
         settings,
-        [load_run(path, settings) for path in reference or ()],
-        without,
-        seed,
-        Steps(),
+        references=[load_run(path, settings) for path in reference or ()],
+        without=without,
+        seed=seed,
+        report=Steps(),
     )
     if propose and found.verdict == "ambiguous" and not isinstance(settings, BicycleFile):
         found = with_proposal(found, settings, seed)
@@ -87,24 +86,6 @@ def diagnose(
     if report is not None:
         diagnosis_page(found, report)
         err.print(f"page: {report}", soft_wrap=True, markup=False)
-
-
-def diagnosed(
-    runs: Sequence[Run],
-    rig: AnyRig,
-    references: Sequence[Run],
-    without: Collection[str],
-    seed: int,
-    report: Callable[[str], None] | None = None,
-) -> Diagnosis:
-    """The diagnosis of runs of either sort of rig."""
-    if isinstance(rig, BicycleFile):
-        return diagnose_rides(
-            runs, rig, references=references, without=without, seed=seed, report=report
-        )
-    return diagnose_runs(
-        runs, rig, references=references, without=without, seed=seed, report=report
-    )
 
 
 def with_proposal(found: Diagnosis, rig: RigFile, seed: int) -> Diagnosis:

@@ -62,9 +62,7 @@ class DriveMode:
     def step(self, now_s: float, reference: Reference, observed: Observed) -> Setpoints:
         """Position setpoints for the cycle that starts at `now_s`."""
         m, r = self._manipulator, reference
-        rho = m.inverse(r.pose)
-        speed = m.rates(r.pose, r.velocity)
-        acceleration = m.accelerations(r.pose, r.velocity, r.acceleration)
+        rho, speed, acceleration = m.motion(r.pose, r.velocity, r.acceleration)
         late = self._late_s + (now_s + self._cycle_s - r.t_s)
         value = rho + late * (speed + 0.5 * late * acceleration)
         if self._lead:

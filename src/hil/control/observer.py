@@ -143,11 +143,11 @@ class Observer:
         if known:
             try:
                 q = m.forward(rho, self._pose)
-                J = m.jacobian(q)
+                M, J = m.mass_and_jacobian(q)
                 qd = _solve(J, v)
                 qdd = _solve(J, acceleration - m.accelerations(q, qd, zero))
                 unexplained = _solve(J, out[:, 2])
-                disturbance = _solve(J.T, m.mass_matrix(q) @ unexplained)
+                disturbance = _solve(J.T, M @ unexplained)
                 self._pose = q
             except (KinematicsError, np.linalg.LinAlgError):
                 self.counts["closure"] += 1

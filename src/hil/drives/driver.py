@@ -8,9 +8,8 @@ watchdog and found it as the rig file wants it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from hil.drives.meaning import FrameMeaning, SetpointKind
 from hil.frames import Frame
@@ -36,8 +35,7 @@ class DrivePhase(Enum):
     FAULT = "fault"
 
 
-@dataclass(frozen=True, slots=True)
-class DriveStatus:
+class DriveStatus(NamedTuple):
     """A driver's view of its drive."""
 
     phase: DrivePhase

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from hil.drives.driver import DriveBus, DriveDriver, DriveStatus, PowerGoal
 from hil.drives.meaning import FrameMeaning, Meaning
 from hil.errors import ConfigError
 from hil.frames import BUS_SHIFT, EFF_MASK, Frame
 from hil.signals import Event, Sample
+
+
+BUS_FIELD: Final = Frame._fields.index("bus")
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +30,9 @@ class Part:
 
     def marked(self, frames: Sequence[Frame]) -> list[Frame]:
         """The frames with the number of this part's bus."""
-        return [f._replace(bus=self.bus) for f in frames] if self.bus else list(frames)
+        if not self.bus:
+            return list(frames)
+        return [Frame(*frame[:BUS_FIELD], self.bus) for frame in frames]
 
 
 class OnBus:
@@ -85,7 +91,7 @@ class TogetherMeaning:
             return meant._replace(actuators=actuators)
         if actuators[meant.actuator] == meant.actuator:
             return meant
-        return meant._replace(actuator=actuators[meant.actuator])
+        return Meaning(meant.ask, actuators[meant.actuator], *meant[2:])
 
 
 class DrivesTogether:

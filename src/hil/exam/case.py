@@ -9,18 +9,22 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 
-from hil.config import RigFile
-from hil.configfile import load_settings
+from hil.config import AnyRig, BicycleFile
+from hil.configfile import parse_any_rig, read_toml, rig_toml
 from hil.errors import RunError
 from hil.runs import Run, load_run
-from hil.runs.folder import RUN_TOML, read_meta
+from hil.runs.folder import RUN_TOML, Payload, RunMeta, read_meta, write_meta
 
 ANSWER: Final = "answer.json"
 RIG: Final = "rig.toml"
+EPOCH: Final = datetime(2026, 1, 1, tzinfo=UTC)
 
 
 def seal(answer: Any) -> str:
@@ -34,7 +38,7 @@ class Case:
     """One case as a diagnosis may see it."""
 
     id: str
-    rig: RigFile
+    rig: AnyRig
     runs: tuple[Run, ...]
     references: tuple[Run, ...]
 
@@ -56,7 +60,7 @@ def case_folders(cases: Path) -> list[Path]:
 
 def load_case(folder: Path) -> Case:
     """Read a case; RunError or ConfigError names what is wrong."""
-    rig = load_settings(folder / RIG, RigFile)
+    rig = parse_any_rig(read_toml(folder / RIG), str(folder / RIG))
     runs = [load_run(p.parent, rig) for p in sorted(folder.glob(f"*/{RUN_TOML}"))]
     told = tuple(r for r in runs if r.meta.role == "diagnose")
     if not told:
@@ -81,3 +85,39 @@ def read_answer(path: Path) -> dict[str, Any]:
     if not isinstance(answer, dict) or "verdict" not in answer:
         raise RunError(f'{path}: is no answer: it needs "verdict" and "effects"')
     return answer
+
+
+def write_case(
+    case: str,
+    rig: AnyRig,
+    tables: Sequence[tuple[Any, str, Payload | None]],
+    answer: dict[str, Any],
+    number: int,
+    out: Path,
+) -> None:
+    """Write case `number` and seal its answer; `tables`: each run's table, role and payload."""
+    fresh = out / "cases" / f".{case}"
+    shutil.rmtree(fresh, ignore_errors=True)
+    fresh.mkdir(parents=True)
+    for k, (table, role, payload) in enumerate(tables, start=1):
+        folder = fresh / f"run{k}"
+        folder.mkdir()
+        meta = RunMeta.model_validate(
+            {
+                "rig": rig.name,
+                "mode": "ride" if isinstance(rig, BicycleFile) else "position",
+                "started": EPOCH + timedelta(hours=number, minutes=5 * k),
+                "role": role,
+                "answer_sha256": seal(answer),
+                "payload": payload,
+            }
+        )
+        write_meta(folder, meta)
+        table.to_parquet(folder / "signals.parquet", index=False, compression="zstd")
+    (fresh / RIG).write_text(rig_toml(rig, "the nominal rig of an exam case"), encoding="utf-8")
+    kept = out / "answers" / case
+    kept.mkdir(parents=True, exist_ok=True)
+    (kept / ANSWER).write_text(
+        json.dumps(answer, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
+    fresh.replace(out / "cases" / case)

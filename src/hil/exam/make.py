@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import multiprocessing
-import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from hil.config import Effect, RigFile
-from hil.configfile import rig_toml
 from hil.errors import ConfigError, LimitViolation
-from hil.exam.case import ANSWER, RIG, seal
+from hil.exam.case import ANSWER, RIG, write_case
 from hil.exam.excite import FAMILIES, draw_motion
 from hil.exam.menu import Recipe, draw_recipe, effects_of, possible
 from hil.exam.odd import draw_outside, outside_of
-from hil.exam.rigs import RIGS, draw_rig
+from hil.exam.rides import RIDE_EFFECTS, RIDE_OUTSIDE, make_ride
+from hil.exam.rigs import ALL, RIDDEN, RIGS, draw_rig
 from hil.exam.severity import Bench, Solved, effect_of, solve_size
 from hil.exam.world import OUTSIDE, Scatter, World, play
 from hil.exam.world.body import Outside
 from hil.exam.world.play import WorldError
-from hil.runs.folder import Payload, RunMeta, write_meta
+from hil.runs.folder import Payload
 
 KINDS: Final = ("none", "single", "double", "triple", "outside")
 SHARES: Final = {"none": 1.0 / 3.0, "single": 0.41, "double": 0.1, "triple": 0.02, "outside": 0.14}
@@ -35,7 +32,6 @@ ATTEMPTS: Final = 40
 WISHED: Final = 8
 """Rigs and motions tried for the effects that a case should have, before any others will do."""
 TRIES_A_WISH: Final = 3
-EPOCH: Final = datetime(2026, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +46,7 @@ class Order:
     """Only these effects (or outside effects); empty: all."""
 
     def __post_init__(self) -> None:
-        for what, given, known in (("rig", self.rigs, RIGS), ("kind", self.kinds, KINDS)):
+        for what, given, known in (("rig", self.rigs, ALL), ("kind", self.kinds, KINDS)):
             for name in given:
                 if name not in known:
                     raise ConfigError(
@@ -58,6 +54,10 @@ class Order:
                     )
         if not self.rigs or not self.kinds or not all(s > 0.0 for s in self.severities):
             raise ConfigError("exam cases need a rig, a kind and severities above 0")
+
+    def severity_of(self, reached: float) -> float:
+        """The largest severity that an effect reaches: one that cannot be small stands higher."""
+        return max((s for s in self.severities if s < 1.2 * reached), default=min(self.severities))
 
     def case_id(self, number: int) -> str:
         """Name of case `number`; it says nothing of what the case holds."""
@@ -99,14 +99,16 @@ def make_case(order: Order, number: int, out: Path) -> str:
     """Make one case and seal its answer; returns a line about its recording that gives nothing away."""
     case = order.case_id(number)
     last: Exception | None = None
+    rig = order.rigs[number % len(order.rigs)]
+    make = make_ride if rig == RIDDEN else _make
     for attempt in range(ATTEMPTS):
         rng = np.random.default_rng([order.seed, number, attempt])
         # kind and effects are drawn once a case: what is hard to make must not become rare
         once = np.random.default_rng([order.seed, number, 977])
         kind = _kind(order, once)
-        wishes = _wishes(order, kind, order.rigs[number % len(order.rigs)], once)
+        wishes = _wishes(order, kind, rig, once)
         try:
-            return _make(order, number, kind, wishes if attempt < WISHED else (), rng, out)
+            return make(order, number, kind, wishes if attempt < WISHED else (), rng, out)
         except (WorldError, LimitViolation) as error:
             last = error
     raise ConfigError(f"{case}: could not be made: {last}")
@@ -119,7 +121,10 @@ def _kind(order: Order, rng: np.random.Generator) -> str:
 
 def _wishes(order: Order, kind: str, rig: str, rng: np.random.Generator) -> tuple[str, ...]:
     """The effects that a case should have, if some rig and motion show them."""
-    names = OUTSIDE if kind == "outside" else possible(rig)
+    if rig == RIDDEN:
+        names = RIDE_OUTSIDE if kind == "outside" else RIDE_EFFECTS
+    else:
+        names = OUTSIDE if kind == "outside" else possible(rig)
     chosen = [n for n in names if not order.effects or n in order.effects]
     count = min(COUNTS.get(kind, 1), len(chosen))
     return tuple(str(n) for n in rng.choice(chosen, count, replace=False)) if count else ()
@@ -152,7 +157,7 @@ def _make(
     effects, outside, solved = _drawn(
         order, kind, wishes, rig, signals, bench, durations[0], asked, rng
     )
-    severity = min((_severity(order, s.reached) for s in solved), default=0.0)
+    severity = min((order.severity_of(s.reached) for s in solved), default=0.0)
     payloads = [
         _payload(rig, rng) if k and rng.random() < 0.3 else None for k in range(len(motions))
     ]
@@ -190,7 +195,7 @@ def _make(
         "scatter_seed": scatter.seed,
         "made_with": {"seed": order.seed, "number": number},
     }
-    _write(order.case_id(number), rig, tables, answer, number, out)
+    write_case(order.case_id(number), rig, tables, answer, number, out)
     seconds = sum(m.duration_s for m in motions)
     return f"{len(tables)} runs, {seconds:.0f} s"
 
@@ -228,11 +233,6 @@ def _drawn(
     raise WorldError(f"{rig.name}: no {kind} effect shows {severity:g} times the floor here")
 
 
-def _severity(order: Order, reached: float) -> float:
-    """The largest severity of the order that an effect reaches: one that cannot be small stands higher."""
-    return max((s for s in order.severities if s < 1.2 * reached), default=min(order.severities))
-
-
 def _recipe(
     order: Order,
     kind: str,
@@ -259,33 +259,3 @@ def _payload(rig: RigFile, rng: np.random.Generator) -> Payload:
     return Payload(
         mass=round(mass, 1), **{c: round(float(x), 3) for c, x in zip("xyz", place, strict=True)}
     )
-
-
-def _write(
-    case: str, rig: RigFile, tables: Sequence[tuple[Any, str, Payload | None]], answer: dict[str, Any],
-    number: int, out: Path,
-) -> None:  # fmt: skip
-    fresh = out / "cases" / f".{case}"
-    shutil.rmtree(fresh, ignore_errors=True)
-    fresh.mkdir(parents=True)
-    for k, (table, role, payload) in enumerate(tables, start=1):
-        folder = fresh / f"run{k}"
-        folder.mkdir()
-        meta = RunMeta.model_validate(
-            {
-                "rig": rig.name,
-                "started": EPOCH + timedelta(hours=number, minutes=5 * k),
-                "role": role,
-                "answer_sha256": seal(answer),
-                "payload": payload,
-            }
-        )
-        write_meta(folder, meta)
-        table.to_parquet(folder / "signals.parquet", index=False, compression="zstd")
-    (fresh / RIG).write_text(rig_toml(rig, "the nominal rig of an exam case"), encoding="utf-8")
-    kept = out / "answers" / case
-    kept.mkdir(parents=True, exist_ok=True)
-    (kept / ANSWER).write_text(
-        json.dumps(answer, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-    )
-    fresh.replace(out / "cases" / case)

@@ -10,6 +10,9 @@ from hil.config import RigFile
 from hil.configfile import load_rig, parse_settings
 
 RIGS: Final = ("axis", "motorcycle", "stewart")
+RIDDEN: Final = "bicycle"
+"""Its cases are rides, made by `hil.exam.rides`."""
+ALL: Final = (*RIGS, RIDDEN)
 CROSSOVER: Final = 282.7
 """rad/s at which the shipped axis' speed loop crosses over: gains follow the mass."""
 LAG: Final = 31.4

@@ -112,9 +112,9 @@ def _answered(case: Case, sitting: Sitting, without: Sequence[str]) -> dict[str,
         if sitting.baseline == "oracle" and sitting.answers is not None:
             answer = read_answer(sitting.answers / case.id / ANSWER)
         return sit_baseline(sitting.baseline, case, answer)
-    from hil.gap.diagnose import diagnose
+    from hil.gap.bicycle import diagnose_any
 
-    found = diagnose(list(case.runs), case.rig, references=list(case.references), without=without)
+    found = diagnose_any(list(case.runs), case.rig, references=list(case.references), without=without)
     return dict(found.tables())
 
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from hil.configfile import load_any_rig
 from hil.errors import ConfigError, HilError, RunError
-from hil.gap.diagnose import diagnose
+from hil.gap.bicycle import diagnose_any
 from hil.runs import load_run
 from hil.runs.folder import RUN_TOML, read_meta
 
@@ -119,14 +119,7 @@ def do_job(job: Job) -> str:
         rig = load_any_rig(job.rig)
         runs = [load_run(Path(p), rig) for p in job.runs]
         healthy = [load_run(Path(p), rig) for p in job.references]
-        if rig.kind == "bicycle":
-            from hil.gap.bicycle import diagnose_rides  # which only rides need
-
-            found = diagnose_rides(
-                runs, rig, references=healthy, without=job.without, seed=job.seed
-            )
-        else:
-            found = diagnose(runs, rig, references=healthy, without=job.without, seed=job.seed)
+        found = diagnose_any(runs, rig, references=healthy, without=job.without, seed=job.seed)
     except (HilError, ArithmeticError, ValueError, LookupError) as error:
         _keep(job.failure, f"{type(error).__name__}: {error}\n".encode())
         return f"failed: {error}"

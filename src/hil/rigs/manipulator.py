@@ -107,10 +107,21 @@ class Manipulator:
         result: Array = J @ self._vector(qdd) + jdqd
         return result
 
+    def motion(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> tuple[Array, Array, Array]:
+        """Positions, speeds and accelerations (n,) of the actuators in one go."""
+        speeds = self._vector(qd)
+        _, _, rho, J, jdqd = self._evaluate(q, speeds)
+        return rho, J @ speeds, J @ self._vector(qdd) + jdqd
+
     def mass_matrix(self, q: ArrayLike) -> Array:
         """M (n, n) in the coordinates q, with leg and reflected rotor masses."""
         M: Array = self._evaluate(q)[0]
         return M
+
+    def mass_and_jacobian(self, q: ArrayLike) -> tuple[Array, Array]:
+        """M and J (n, n) in one go."""
+        M, _, _, J, _ = self._evaluate(q)
+        return M, J
 
     def bias(self, q: ArrayLike, qd: ArrayLike) -> Array:
         """h (n,): Coriolis, centrifugal and gravity terms, M qdd + h = J^T F."""

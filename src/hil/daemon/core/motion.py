@@ -47,6 +47,8 @@ class Motion:
         self._parked = np.asarray(rig.parked_pose)
         self._cycle_s = rig.bus.cycle
         self._goal = MotionGoal.NONE
+        self._values: list[float] = []
+        self._meant: list[float] = []
 
     def rehearse(self) -> None:
         """Play a few cycles at rest, cues and all, so that compiled code is loaded before time matters.
@@ -109,6 +111,9 @@ class Motion:
             asked = self._paced.step(now_s)
             self.reference = asked if self._filter is None else self._filter.step(asked)
             self.setpoints = self._controller.step(now_s, self.reference, self.observed)
+            self._values = self._meant = self.setpoints.values.tolist()
+            if self.setpoints.kind != "position":
+                self._meant = self.manipulator.inverse(self.reference.pose).tolist()
         self._goal = goal
         self.observer.applied(now_s, self.setpoints)
         return self.setpoints
@@ -117,10 +122,7 @@ class Motion:
         """Setpoint of actuator i in this cycle and the position it means; None while drives are off."""
         if self.setpoints is None or self.reference is None:
             return None, None
-        value = float(self.setpoints.values[i])
-        if self.setpoints.kind == "position":
-            return value, value
-        return value, float(self.manipulator.inverse(self.reference.pose)[i])
+        return self._values[i], self._meant[i]
 
     def _rest(self) -> None:
         """Drives are off: what will be asked first is where the rig stands."""

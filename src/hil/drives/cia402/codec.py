@@ -166,9 +166,11 @@ class PdoLayout:
 
     def pack(self, *values: int) -> bytes:
         """Data of the PDO; values outside their field saturate."""
-        return self._struct.pack(
-            *(clamp(v, f.size, signed=f.signed) for v, f in zip(values, self.fields, strict=True))
-        )
+        try:
+            return self._struct.pack(*values)
+        except struct.error:
+            whole = zip(values, self.fields, strict=True)
+            return self._struct.pack(*(clamp(v, f.size, signed=f.signed) for v, f in whole))
 
     def unpack(self, data: bytes) -> tuple[int, ...]:
         """Values of the fields; ProtocolError where the length is another."""

@@ -20,12 +20,21 @@ MOVING: Final = frozenset({0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C
 """Control word, targets and offsets."""
 INTERPOLATE: Final = 0x0010
 """Bit 4 of the control word in mode ip: follow the set-points; in homing: begin."""
-_WORDS: Final = frozenset(
-    {*(c.value for c in PowerCommand), PowerCommand.ENABLE.value | INTERPOLATE}
-)
-_WITHOUT_FORCE: Final = frozenset(
-    {PowerCommand.DISABLE, PowerCommand.QUICK_STOP, PowerCommand.PREPARE}
-)
+_WITHOUT_FORCE: Final = (PowerCommand.DISABLE, PowerCommand.QUICK_STOP, PowerCommand.PREPARE)
+
+
+def _asked(word: int) -> Ask:
+    command = decode_control_word(word)
+    if command in _WITHOUT_FORCE:
+        return Ask.POWER_OFF
+    return Ask.FAULT_RESET if command is PowerCommand.RESET else Ask.POWER_ON
+
+
+_ASKS: Final = {
+    word: _asked(word)
+    for word in (*(c.value for c in PowerCommand), PowerCommand.ENABLE.value | INTERPOLATE)
+}
+"""What each control word that hil sends asks; others are none of ours."""
 _SEGMENT_OR_ABORT: Final = (0x00, 0x60, 0x80)
 
 
@@ -63,8 +72,9 @@ class Cia402Meaning:
 
     def meaning(self, can_id: int, data: bytes) -> Meaning:
         """What a frame asks; its identifier and length are those of `lengths`."""
-        if can_id in self._targets:
-            return self._of_target(self._targets[can_id], data)
+        i = self._targets.get(can_id)
+        if i is not None:
+            return self._of_target(i, data)
         if can_id == codec.SYNC_ID:
             return Meaning(Ask.SYNC)
         if can_id in self._requests:
@@ -85,15 +95,13 @@ class Cia402Meaning:
 
     def _of_target(self, i: int, data: bytes) -> Meaning:
         word, target = self._layouts[i].unpack(data)
-        if word not in _WORDS:
+        ask = _ASKS.get(word)
+        if ask is None:
             return Meaning(Ask.UNKNOWN, i, text=f"control word {word:#06x} is no command")
-        command = decode_control_word(word)
-        if command in _WITHOUT_FORCE:
-            return Meaning(Ask.POWER_OFF, i)
-        if command is PowerCommand.RESET:
-            return Meaning(Ask.FAULT_RESET, i)
+        if ask is not Ask.POWER_ON:
+            return Meaning(ask, i)
         kind = self._kinds[i]
-        return Meaning(Ask.POWER_ON, i, kind=kind, setpoint=self._units[i].si(kind, target))
+        return Meaning(ask, i, kind, self._units[i].si(kind, target))
 
     def _of_request(self, i: int, data: bytes) -> Meaning:
         command, number = data[0] & 0xE0, number_of(data[1] | data[2] << 8, data[3])
