@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from hil.drives.driver import DrivePhase, DriveStatus, PowerGoal

@@ -137,7 +137,7 @@ class Desk:
             due_s = max(due_s + self.rig.bus.cycle, now_s)
             self._listen(due_s)
             self._complain(self.link.findings(time.monotonic()))
-            self.link.take_records()
+            self.link.records.clear()
             if until():
                 return True
         return False

@@ -86,6 +86,8 @@ class ControlProcess:
         read_only = any(port.read_only for port in ports)
         self._core = RigCore(rig, drives, now_s + rig.bus.cycle, read_only=read_only)
         self._channel = Channel(gateway)
+        # All answers belong to the SYNC before, and the kernel stamps them: a wake for each is not needed.
+        self._reads_at_sync = drives.is_synchronous and rig.bus.schedule == "fast"
         self._joiner = CueJoiner()
         self._notifier = notifier
         self._timer = Timer()
@@ -118,10 +120,11 @@ class ControlProcess:
             timeout=GATEWAY_START_S,
             return_when=asyncio.FIRST_COMPLETED,
         )
-        readers: list[tuple[int, Callable[[], None]]] = [
-            (port.fileno(), partial(self._on_frames, k)) for k, port in enumerate(self._ports)
-        ]
-        readers.append((self._timer.fileno(), self._on_timer))
+        readers: list[tuple[int, Callable[[], None]]] = [(self._timer.fileno(), self._on_timer)]
+        if not self._reads_at_sync:
+            readers += [
+                (p.fileno(), partial(self._on_frames, k)) for k, p in enumerate(self._ports)
+            ]
         for fd, action in readers:
             loop.add_reader(fd, self._guarded, action)
         self._garbage.settle()
@@ -176,6 +179,9 @@ class ControlProcess:
         self._core.bus_load = max(load.at(now_s) for load in self._loads)
         self._send(now_s, self._core.on_due(now_s))
         if self._core.next_due_s <= now_s:  # SYNC went out alone: now what belongs to this cycle
+            if self._reads_at_sync:
+                for k in range(len(self._ports)):
+                    self._on_frames(k)
             now_s = time.monotonic()
             self._send(now_s, self._core.on_due(now_s))
         self._timer.arm_at(self._core.next_due_s)

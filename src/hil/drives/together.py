@@ -8,16 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from hil.drives.driver import DriveBus, DriveDriver, DriveStatus, PowerGoal
 from hil.drives.meaning import FrameMeaning, Meaning
 from hil.errors import ConfigError
 from hil.frames import BUS_SHIFT, EFF_MASK, Frame
 from hil.signals import Event, Sample
-
-
-BUS_FIELD: Final = Frame._fields.index("bus")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +28,7 @@ class Part:
         """The frames with the number of this part's bus."""
         if not self.bus:
             return list(frames)
-        return [Frame(*frame[:BUS_FIELD], self.bus) for frame in frames]
+        return [Frame(i, d, ext, rtr, error, self.bus) for i, d, ext, rtr, error, _ in frames]
 
 
 class OnBus:

@@ -11,7 +11,7 @@ from collections import Counter, deque
 from typing import Final, NamedTuple
 
 from hil.drives.meaning import Ask, FrameMeaning, Meaning
-from hil.frames import Frame
+from hil.frames import BUS_SHIFT, Frame
 from hil.safety.reactions import Cause, Finding
 from hil.safety.rulenames import Rule
 from hil.safety.rules import (
@@ -113,15 +113,16 @@ class Gate:
     def _judge(self, now_s: float, frame: Frame) -> Meaning | Broken:
         if self.read_only:
             return Broken(Rule.READ_ONLY, "this daemon only listens")
-        if frame.is_remote or frame.is_extended or frame.is_error:
+        can_id, data, is_extended, is_remote, is_error, bus = frame
+        if is_remote or is_extended or is_error:
             return Broken(Rule.FRAME_FORM, "remote, extended and error frames are never sent")
-        key = frame.key
+        key = bus << BUS_SHIFT | can_id
         length = self._meaning.lengths.get(key)
         if length is None:
             return Broken(Rule.UNKNOWN_ID, "no drive of this rig listens to this identifier")
-        if len(frame.data) != length:
-            return Broken(Rule.LENGTH, f"{len(frame.data)} data bytes instead of {length}")
-        meaning = self._meaning.meaning(key, frame.data)
+        if len(data) != length:
+            return Broken(Rule.LENGTH, f"{len(data)} data bytes instead of {length}")
+        meaning = self._meaning.meaning(key, data)
         if meaning.ask is Ask.POWER_OFF and meaning.actuator is not None:
             self._is_off[meaning.actuator] = True
             self._tracks[meaning.actuator] = None
@@ -129,23 +130,21 @@ class Gate:
         if meaning.ask is Ask.SYSTEM_STOP:
             self._forget()
             return meaning
-        broken = self._judge_rate(now_s, frame) or self._judge_ask(now_s, meaning)
+        broken = self._judge_rate(now_s, key, data) or self._judge_ask(now_s, meaning)
         if broken is not None:
             return broken
         self._times[key].append(now_s)
-        self._frames[key] = frame.data
+        self._frames[key] = data
         return meaning
 
-    def _judge_rate(self, now_s: float, frame: Frame) -> Broken | None:
-        key, cycle_s = frame.key, self.limits.cycle_s
+    def _judge_rate(self, now_s: float, key: int, data: bytes) -> Broken | None:
+        cycle_s = self.limits.cycle_s
         times = self._times[key]
         if not times:
             return None
         if len(times) == RATE_FRAMES and not now_s - times[0] >= RATE_CYCLES * cycle_s:
             return Broken(Rule.RATE, f"more than {RATE_FRAMES} frames in {RATE_CYCLES} cycles")
-        if self._frames[key] == frame.data and not (
-            now_s - times[-1] >= DUPLICATE_CYCLES * cycle_s
-        ):
+        if self._frames[key] == data and not (now_s - times[-1] >= DUPLICATE_CYCLES * cycle_s):
             return Broken(Rule.DUPLICATE, f"sent already {(now_s - times[-1]) * 1e3:.2f} ms ago")
         return None
 

@@ -98,30 +98,35 @@ class ActuatorMonitor:
 
     def commanded(self, position_m: float, now_s: float) -> None:
         """A setpoint went out that means this position."""
-        if self._told and now_s - self._told[-1].t_s > self.bounds.answer_timeout_s:
-            self._told.clear()
-            self._speeds.clear()
-        if self._told:
-            speed = abs(position_m - self._told[-1].value) / self.bounds.cycle_s
-            while self._speeds and self._speeds[-1].value <= speed:
-                self._speeds.pop()
-            self._speeds.append(_Point(now_s, speed))
-            _drop(self._speeds, now_s - self.bounds.settle_s)
-        self._told.append(_Point(now_s, position_m))
-        _drop(self._told, now_s - MOTION_S - self.bounds.settle_s)
+        told, speeds, b = self._told, self._speeds, self.bounds
+        if told and now_s - told[-1].t_s > b.answer_timeout_s:
+            told.clear()
+            speeds.clear()
+        if told:
+            speed = abs(position_m - told[-1].value) / b.cycle_s
+            while speeds and speeds[-1].value <= speed:
+                speeds.pop()
+            speeds.append(_Point(now_s, speed))
+            _drop(speeds, now_s - b.settle_s)
+        told.append(_Point(now_s, position_m))
+        _drop(told, now_s - MOTION_S - b.settle_s)
 
     def position(self, sample: Sample) -> list[Finding]:
         """A position was measured."""
-        self._received_s = sample.received_s
-        found = [*self._stroke(sample), *self._following(sample)]
-        last = self._seen[-1] if self._seen else None
-        if last is not None and sample.sampled_s - last.t_s < 0.5 * self.bounds.cycle_s:
-            return found  # too near to tell a speed
-        if last is not None:
-            found += self.speed((sample.value - last.value) / (sample.sampled_s - last.t_s))
-        self._seen.append(_Point(sample.sampled_s, sample.value))
-        _drop(self._seen, sample.sampled_s - MOTION_S - self.bounds.settle_s)
-        return [*found, *self._motion(sample.sampled_s)]
+        _, _, value, sampled_s, self._received_s = sample
+        found = self._stroke(value)
+        found += self._following(value, sampled_s)
+        seen, b = self._seen, self.bounds
+        if seen:
+            last_s, last = seen[-1]
+            if sampled_s - last_s < 0.5 * b.cycle_s:
+                return found  # too near to tell a speed
+            found += self.speed((value - last) / (sampled_s - last_s))
+        seen.append(_Point(sampled_s, value))
+        _drop(seen, sampled_s - MOTION_S - b.settle_s)
+        if sampled_s - self._motion_s >= MOTION_EVERY_S:
+            found += self._motion(sampled_s)
+        return found
 
     def speed(self, speed: float) -> list[Finding]:
         """A speed was measured, or follows from two positions."""
@@ -143,22 +148,22 @@ class ActuatorMonitor:
         text = f"{b.name} has answered no position for {age_s:.3f} s"
         return [Finding(Cause.ANSWERS_LOST, text)]
 
-    def _stroke(self, sample: Sample) -> list[Finding]:
+    def _stroke(self, value: float) -> list[Finding]:
         b = self.bounds
-        if b.low_m <= sample.value <= b.high_m:
+        if b.low_m <= value <= b.high_m:
             return []
-        text = f"{b.name} is at {sample.value:.4f}, outside its stroke {b.low_m:g}..{b.high_m:g}"
+        text = f"{b.name} is at {value:.4f}, outside its stroke {b.low_m:g}..{b.high_m:g}"
         return [Finding(Cause.OUTSIDE_STROKE, text)]
 
-    def _following(self, sample: Sample) -> list[Finding]:
+    def _following(self, value: float, sampled_s: float) -> list[Finding]:
         """|setpoint − measured| at the sample's instant, less what the drive's lag explains."""
         b = self.bounds
-        told = next((p for p in reversed(self._told) if p.t_s <= sample.sampled_s), None)
-        if told is None or sample.sampled_s - told.t_s > 2.0 * b.cycle_s:
+        last = next((p for p in reversed(self._told) if p[0] <= sampled_s), None)
+        if last is None or sampled_s - last.t_s > 2.0 * b.cycle_s:
             return []
         fastest = self._speeds[0].value if self._speeds else 0.0
         allowed = b.following_m + fastest * b.lag_s
-        error = abs(told.value - sample.value)
+        error = abs(last.value - value)
         if error <= allowed:
             return []
         text = f"{b.name} is {error:.4f} from its setpoint, {allowed:.4f} allowed with its lag"
@@ -166,8 +171,6 @@ class ActuatorMonitor:
 
     def _motion(self, now_s: float) -> list[Finding]:
         b = self.bounds
-        if now_s - self._motion_s < MOTION_EVERY_S:
-            return []
         self._motion_s = now_s
         start_s, settled_s = now_s - MOTION_S - b.settle_s, now_s - b.settle_s
         commanded = _travel(p for p in self._told if start_s <= p.t_s <= settled_s)
@@ -230,5 +233,5 @@ def _travel(points: Iterable[_Point]) -> float:
 
 def _drop(points: deque[_Point], before_s: float) -> None:
     """Forget what is older, but never the last."""
-    while len(points) > 1 and points[0].t_s < before_s:
+    while points[0][0] < before_s and len(points) > 1:
         points.popleft()

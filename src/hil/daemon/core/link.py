@@ -30,7 +30,8 @@ class Link:
         self.imu = ImuReceiver(rig.can.imu_base_id, rig.imu.group_delay_s) if rig.imu else None
         self._index = {name: i for i, name in enumerate((*rig.actuator_names, "imu"))}
         self._findings: list[Finding] = []
-        self._records: list[Record] = []
+        self.records: list[Record] = []
+        """Frames, samples and setpoints, in their order; who takes them empties it."""
 
     @property
     def statuses(self) -> tuple[DriveStatus, ...]:
@@ -39,31 +40,30 @@ class Link:
 
     def receive(self, now_s: float, frame: Frame) -> tuple[list[Sample], list[Event]]:
         """What a received frame says; what is wrong with it becomes a finding or a count."""
-        self._records.append(FrameRecord(now_s, False, frame))
-        samples: list[Sample] = []
+        records = self.records
+        records.append(FrameRecord(now_s, False, frame))
+        self._findings += self.monitor.on_frame(frame)
+        said = self.drives.on_frame(now_s, frame)
+        samples: list[Sample] = [item for item in said if isinstance(item, Sample)]
         events: list[Event] = []
-        self._find(self.monitor.on_frame(frame))
-        for item in self.drives.on_frame(now_s, frame):
-            if isinstance(item, Sample):
-                samples.append(item)
-            else:
-                events.append(item)
+        if len(samples) < len(said):
+            events = [item for item in said if isinstance(item, Event)]
         if self.imu is not None and frame.bus == 0:
             samples += self.imu.on_frame(now_s, frame)
         for sample in samples:
-            i = self._index[sample.source]
-            if sample.quantity == "position":
-                self.gate.measured(i, sample.value, now_s)
-            self._find(self.monitor.on_sample(i, sample))
-            self._records.append(
-                SampleRecord(i, sample.quantity, sample.value, sample.sampled_s, now_s)
-            )
+            source, quantity, value, sampled_s, _ = sample
+            i = self._index[source]
+            if quantity == "position":
+                self.gate.measured(i, value, now_s)
+            self._findings += self.monitor.on_sample(i, sample)
+            records.append(SampleRecord(i, quantity, value, sampled_s, now_s))
         self.take_in(events)
         return samples, events
 
     def take_in(self, events: Iterable[Event]) -> None:
         """Turn drivers' fault events into findings for the state machine."""
-        self._find(finding for event in events if (finding := finding_of(event)) is not None)
+        found = (finding_of(event) for event in events)
+        self._findings += [finding for finding in found if finding is not None]
 
     def sync(self, now_s: float) -> list[Frame]:
         """Frames that mark the beginning of a cycle for the drives: before anything is reckoned."""
@@ -90,14 +90,9 @@ class Link:
 
     def findings(self, now_s: float) -> tuple[Finding, ...]:
         """What monitor, drivers and gate have found since the last call, once a cycle."""
-        self._find(self.monitor.findings(now_s))
+        self._findings += self.monitor.findings(now_s)
         found, self._findings = (*self._findings, *self.gate.findings()), []
         return found
-
-    def take_records(self) -> list[Record]:
-        """Frames, samples and setpoints since the last call, in their order."""
-        records, self._records = self._records, []
-        return records
 
     def _passed(
         self, now_s: float, frames: Iterable[Frame], position: float | None = None
@@ -108,7 +103,7 @@ class Link:
             if not verdict.ok:
                 continue
             passed.append(frame)
-            self._records.append(FrameRecord(now_s, True, frame))
+            self.records.append(FrameRecord(now_s, True, frame))
             meaning = verdict.meaning
             if meaning is not None and meaning.ask is Ask.POWER_ON:
                 self._commanded(now_s, meaning, position)
@@ -119,9 +114,6 @@ class Link:
         i, kind, value = meaning.actuator, meaning.kind, meaning.setpoint
         if i is None or kind is None or value is None:
             return
-        self._records.append(SetpointRecord(now_s, i, kind, value))
+        self.records.append(SetpointRecord(now_s, i, kind, value))
         if position is not None:
             self.monitor.commanded(i, position, now_s)
-
-    def _find(self, findings: Iterable[Finding]) -> None:
-        self._findings.extend(findings)

@@ -9,7 +9,7 @@ import numpy as np
 from hil.config import RigFile
 from hil.control.guard import CueGuard, Verdict
 from hil.control.modes import build_controller
-from hil.control.observer import Observed, Observer
+from hil.control.observer import Observer
 from hil.control.platform_filter import PlatformFilter
 from hil.control.reference import Reference
 from hil.control.setpoints import Setpoints
@@ -80,10 +80,15 @@ class Motion:
         """Take a measured value."""
         self.observer.sample(sample)
 
-    def observe(self, now_s: float) -> Observed:
-        """The rig's state now."""
-        self.observed = self.observer.estimate(now_s)
-        return self.observed
+    def observe(self, now_s: float, *, is_needed: bool = True) -> None:
+        """Reckon the rig's state now, unless nobody needs it: position setpoints do without."""
+        if is_needed or self.setpoints is None or self.setpoints.kind != "position":
+            self.observed = self.observer.estimate(now_s)
+
+    @property
+    def shaping_cycles(self) -> int:
+        """Cycles from one plan of the motion to the next."""
+        return self._paced.every
 
     @property
     def near_parked(self) -> bool:

@@ -25,10 +25,9 @@ from hil.daemon.records import (
     InputRecord,
     Record,
     ReplyRecord,
-    Severity,
     StateRecord,
 )
-from hil.drives.driver import DriveBus, PowerGoal
+from hil.drives.driver import DriveBus, DrivePhase, DriveStatus, PowerGoal
 from hil.errors import BusError, BusOff, LimitViolation
 from hil.frames import Frame
 from hil.rigs import build_rig
@@ -69,11 +68,14 @@ class RigCore:
         self._state = RigState()
         self._power, self._goal = PowerGoal.OFF, MotionGoal.NONE
         self._requests: list[Request] = []
-        self._records: list[Record] = []
+        self._records = self._link.records  # one list: its order is the order of what happened
         self._heard_count = 0
-        self._phases = [""] * len(drives)
+        self._phases: list[DrivePhase | None] = [None] * len(drives)
         self._told: dict[str, tuple[float, int]] = {}
         self._cycle_s = NAN
+        self._unreported = 0
+        self._lateness_s = 0.0
+        self._reported = ""
         self.start_at(start_s)
         self._refused_now = False
         self._busy_cycles = 0
@@ -116,7 +118,6 @@ class RigCore:
         for sample in samples:
             self._motion.sample(sample)
         self._note(events)
-        self._records += self._link.take_records()
         return ()
 
     def cue(self, now_s: float, cue: Cue) -> None:
@@ -181,12 +182,12 @@ class RigCore:
             else:
                 value, position = self._motion.wanted(due.slot)
                 frames += self._link.slot(now_s, due.slot, self._power, value, position)
-        self._records += self._link.take_records()
         return frames
 
     def take_records(self) -> list[Record]:
         """All there is to publish and record since the last call."""
-        records, self._records = self._records, []
+        records = self._records.copy()
+        self._records.clear()
         return records
 
     def _heard(self, now_s: float, what: str, *details: Record, frame: Frame = NO_FRAME) -> None:
@@ -196,12 +197,16 @@ class RigCore:
         self._records += (InputRecord(self._heard_count, now_s, what, frame), *details)
 
     def _begin_cycle(self, now_s: float, due: Due) -> list[Frame]:
-        self._motion.observe(now_s)
+        self._unreported += 1
+        is_turn = self._unreported >= self._motion.shaping_cycles
+        self._motion.observe(now_s, is_needed=is_turn)
         frames = self._link.begin(now_s)
         self._note(self._link.drives.take_events())
         self._busy_cycles = self._busy_cycles + 1 if self._refused_now else 0
         self._refused_now = False
-        outputs, self._state = self._machine.step(self._inputs(now_s), self._state, now_s)
+        statuses = self._link.statuses
+        inputs = self._inputs(now_s, statuses)
+        outputs, self._state = self._machine.step(inputs, self._state, now_s)
         self._requests = []
         if self._bus_again:  # only now: the cycle must see that it was off
             self._bus_off = self._bus_again = False
@@ -209,19 +214,19 @@ class RigCore:
         self._link.gate.arm() if outputs.armed else self._link.gate.disarm()
         # By the schedule, not by the wake-up: lateness must not become speed jitter.
         self._motion.step(due.due_s, outputs.motion)
-        self._records += [EventRecord(*_event(e)) for e in outputs.events]
+        self._note(outputs.events)
         self._records += [
             ReplyRecord(r.request_id, r.ok, r.message)
             for r in outputs.replies
             if r.request_id != OURS
         ]
-        self._report(now_s, due)
+        self._report(now_s, due, statuses)
         return frames
 
-    def _inputs(self, now_s: float) -> RigInputs:
+    def _inputs(self, now_s: float, statuses: tuple[DriveStatus, ...]) -> RigInputs:
         age_s = self._motion.guard.age_s(now_s)
         return RigInputs(
-            drives=self._link.statuses,
+            drives=statuses,
             cue_age_s=None if age_s == float("inf") else age_s,
             requests=(*self._requests, *self._own_requests()),
             at_rest=self._motion.at_rest,
@@ -265,16 +270,21 @@ class RigCore:
 
     # what is told
 
-    def _report(self, now_s: float, due: Due) -> None:
-        statuses = self._link.statuses
+    def _report(self, now_s: float, due: Due, statuses: tuple[DriveStatus, ...]) -> None:
+        """Phases that changed; the rig's state whenever it is another, else once a plan of the motion."""
         for i, status in enumerate(statuses):
-            if status.phase.value != self._phases[i]:
-                self._phases[i] = status.phase.value
+            if status.phase is not self._phases[i]:
+                self._phases[i] = status.phase
                 self._records.append(
                     DriveRecord(now_s, i, status.phase.value, status.enabled, status.error or "")
                 )
-        motion, observed, reference = self._motion, self._motion.observed, self._motion.reference
         period_s, self._cycle_s = now_s - self._cycle_s, now_s
+        self._lateness_s = max(self._lateness_s, now_s - due.due_s)
+        if self._unreported < self._motion.shaping_cycles and self.state == self._reported:
+            return
+        self._unreported, self._reported = 0, self.state
+        lateness_s, self._lateness_s = self._lateness_s, 0.0
+        motion, observed, reference = self._motion, self._motion.observed, self._motion.reference
         fault = self._state.fault
         self._records.append(
             StateRecord(
@@ -284,7 +294,7 @@ class RigCore:
                 tuple(reference.pose.tolist()) if reference else (NAN,) * len(statuses),
                 actuator_states(motion),
                 tracking_error(motion),
-                now_s - due.due_s,
+                lateness_s,
                 period_s,
                 self._schedule.cycles,
                 self._schedule.overruns,
@@ -296,7 +306,7 @@ class RigCore:
         )
 
     def _note(self, events: Sequence[Event]) -> None:
-        self._records += [EventRecord(*_event(event)) for event in events]
+        self._records += [EventRecord(e.t_s, e.severity, e.name, e.text) for e in events]
 
     def _tell(self, now_s: float, name: str, text: str) -> None:
         """A warning, but of its kind only one a second."""
@@ -307,7 +317,3 @@ class RigCore:
         more = f" ({held_back} more like it)" if held_back else ""
         self._told[name] = (now_s, 0)
         self._records.append(EventRecord(now_s, "warning", name, text + more))
-
-
-def _event(event: Event) -> tuple[float, Severity, str, str]:
-    return event.t_s, event.severity, event.name, event.text

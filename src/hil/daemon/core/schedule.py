@@ -6,8 +6,7 @@ cycles that have gone by are counted as overruns and skipped, never made up for 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 SYNC: Final = -2
 """`Due.slot` of the instant at which a cycle begins for the drives: it comes alone, ahead of the cycle."""
@@ -15,8 +14,7 @@ CYCLE: Final = -1
 """`Due.slot` of the start of a cycle; drives' slots count from 0."""
 
 
-@dataclass(frozen=True, slots=True)
-class Due:
+class Due(NamedTuple):
     """Something to do now: the start of a cycle (slot == CYCLE) or a drive's slot."""
 
     slot: int
@@ -62,13 +60,13 @@ class Schedule:
     def take(self, now_s: float) -> list[Due]:
         """All that is due at `now_s`, in order."""
         due: list[Due] = []
-        while self.next_due_s <= now_s:
+        while (due_s := self.next_due_s) <= now_s:
             if self._next == self._first:
                 if due and self._first == SYNC:
                     return due
                 self._begin(now_s)
-                due = []
-            due.append(Due(self._next, self.next_due_s))
+                due, due_s = [], self.next_due_s
+            due.append(Due(self._next, due_s))
             self._next += 1
             if self._next == self.slots:
                 self._k, self._next = self._k + 1, self._first

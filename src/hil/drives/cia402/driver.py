@@ -141,25 +141,27 @@ class Cia402Driver:
 
     def on_frame(self, now_s: float, frame: Frame) -> list[Sample | Event]:
         """Take a frame received at `now_s`; frames of others are left alone, garbage is counted."""
-        if frame.is_error or frame.is_extended or frame.can_id not in self._ids:
+        can_id, data, is_extended, is_remote, is_error, _ = frame
+        if is_error or is_extended or can_id not in self._ids:
             return []
         samples: list[Sample | Event] = []
-        if frame.is_remote:
+        machine = self._machine
+        if is_remote:
             self._garbage += 1
-        elif frame.can_id == self.frames.tpdo:
-            samples = self._on_values(now_s, frame.data)
-        elif frame.can_id == self.frames.sdo_answer:
-            if self._machine.phase is not DrivePhase.ABSENT:
-                self._machine.answered(now_s, None)
-                self.sdo.on_answer(frame.data)
-        elif frame.can_id == self.frames.emcy:
-            self._on_emergency(now_s, frame.data)
+        elif can_id == self.frames.tpdo:
+            samples = self._on_values(now_s, data)
+        elif can_id == self.frames.sdo_answer:
+            if machine.phase is not DrivePhase.ABSENT:
+                machine.answered(now_s, None)
+                self.sdo.on_answer(data)
+        elif can_id == self.frames.emcy:
+            self._on_emergency(now_s, data)
         else:
-            self._on_heartbeat(now_s, frame.data)
-        if self._machine.phase is DrivePhase.ABSENT:
+            self._on_heartbeat(now_s, data)
+        if machine.phase is DrivePhase.ABSENT:
             self._heard_now = True
-        self._machine.judge(now_s)
-        return [*samples, *self.take_events()] if self._machine.events else samples
+        machine.judge(now_s)
+        return [*samples, *self.take_events()] if machine.events else samples
 
     def _on_values(self, now_s: float, data: bytes) -> list[Sample | Event]:
         try:
@@ -260,7 +262,9 @@ class Cia402Driver:
             return self._look_for(now_s)
         if machine.muted:
             return []
-        return [*self._values_out(now_s, setpoint), *self._one_more(now_s)]
+        frames = self._values_out(now_s, setpoint)
+        frames += self._one_more(now_s)
+        return frames
 
     def submit(self, transfer: Transfer) -> Transfer:
         """Read or write an object besides; it has its turn on the one channel there is."""
