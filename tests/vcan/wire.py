@@ -154,8 +154,11 @@ class Rider:
 
 
 def sway(t_s: float) -> dict[str, float]:
-    """A cue for the axis: 20 mm to either side, once in two seconds."""
-    return {"position": 0.02 * math.sin(2.0 * math.pi * 0.5 * t_s)}
+    """A cue for the axis: 10 mm to either side, once in two seconds.
+
+    So little that drives which fall silent are missed before the setpoint has left them behind.
+    """
+    return {"position": 0.01 * math.sin(2.0 * math.pi * 0.5 * t_s)}
 
 
 def engage(client: RigClient) -> None:
