@@ -17,6 +17,8 @@ class Path:
     """Rows every SPACING_M along the path: x, y (m), heading (rad, unwrapped), curvature (1/m)."""
 
     rows: Array
+    pace: Array | None = None
+    """(N,) share of the rider's speed that is ridden there; everywhere all of it where missing."""
 
     @property
     def length_m(self) -> float:
@@ -49,6 +51,27 @@ def slalom(length_m: float = 100.0, period_m: float = 18.0, radius_m: float = 9.
     return _along(s, share * np.sin(2.0 * np.pi * (s - 15.0) / period_m) / radius_m)
 
 
+def surges(length_m: float = 90.0, period_m: float = 22.0, slowest: float = 0.45) -> Path:
+    """Straight on, faster and slower in turn: load goes from wheel to wheel and back."""
+    s = np.arange(0.0, length_m, SPACING_M)
+    wave = 0.5 + 0.5 * np.cos(2.0 * np.pi * (s - 8.0) / period_m)
+    pace = slowest + (1.0 - slowest) * np.where(s < 8.0, 1.0, wave)
+    return Path(_along(s, np.zeros(len(s))).rows, pace)
+
+
+def eight(radius_m: float = 6.0, ease_m: float = 4.0, straight_m: float = 10.0) -> Path:
+    """A circle to the left, one to the right."""
+    circle_m = 2.0 * np.pi * radius_m + ease_m
+    s = np.arange(0.0, 2.0 * (straight_m + circle_m), SPACING_M)
+    curvature = np.zeros(len(s))
+    for side, start in ((1.0, straight_m), (-1.0, straight_m + circle_m)):
+        inside = (s >= start) & (s < start + circle_m)
+        there = s[inside] - start
+        eased = np.clip(np.minimum(there, circle_m - there) / ease_m, 0.0, 1.0)
+        curvature[inside] = side * eased / radius_m
+    return _along(s, curvature)
+
+
 def _along(s: Array, curvature: Array) -> Path:
     heading = np.cumsum(curvature) * SPACING_M
     x = np.cumsum(np.cos(heading)) * SPACING_M
@@ -57,10 +80,18 @@ def _along(s: Array, curvature: Array) -> Path:
 
 
 def speed_profile(
-    path: Path, dt_s: float, cruise: float = 5.0, turning: float = 3.6, rest_s: float = 1.5
+    path: Path,
+    dt_s: float,
+    cruise: float = 5.0,
+    turning: float = 3.6,
+    rest_s: float = 1.5,
+    vigour: float = 1.0,
 ) -> Array:
-    """(N, 2) speed (m/s) and acceleration (m/s2) over time: rest, ride, slow for turns, brake, rest."""
-    v, a = _envelope(path, cruise, turning)
+    """(N, 2) speed (m/s) and acceleration (m/s2) over time: rest, ride, slow for turns, brake, rest.
+
+    `vigour`: of pulling away (1 m/s2) and braking (1.6 m/s2), as a factor.
+    """
+    v, a = _envelope(path, cruise, turning, vigour)
     out = [np.zeros((round(rest_s / dt_s), 2))]
     ridden, speed, rows = 0.0, 0.0, []
     while ridden < path.length_m - 0.3:
@@ -73,16 +104,17 @@ def speed_profile(
     return np.concatenate(out)
 
 
-def _envelope(path: Path, cruise: float, turning: float) -> tuple[Array, Array]:
+def _envelope(path: Path, cruise: float, turning: float, vigour: float) -> tuple[Array, Array]:
     """Speed by distance under limits of acceleration, rounded off, and its acceleration."""
     limit = np.where(np.abs(path.rows[:, 3]) > 1e-3, turning, cruise)
+    if path.pace is not None:
+        limit = limit * path.pace
     squared = limit**2
-    for order, pull in ((range(1, len(limit)), 1.0), (range(len(limit) - 2, -1, -1), 1.6)):
-        start = 0 if pull == 1.0 else len(limit) - 1
-        squared[start] = 0.0
-        for k in order:
-            before = squared[k - 1] if pull == 1.0 else squared[k + 1]
-            squared[k] = min(squared[k], before + 2.0 * pull * SPACING_M)
+    squared[0] = squared[-1] = 0.0
+    for k in range(1, len(limit)):
+        squared[k] = min(squared[k], squared[k - 1] + 2.0 * vigour * SPACING_M)
+    for k in range(len(limit) - 2, -1, -1):
+        squared[k] = min(squared[k], squared[k + 1] + 3.2 * vigour * SPACING_M)
     width = round(1.0 / SPACING_M)
     padded = np.pad(squared, width, mode="edge")
     soft = np.convolve(padded, np.hanning(2 * width + 1) / np.hanning(2 * width + 1).sum(), "valid")

@@ -41,6 +41,7 @@ def simulate_ride(
     turning: float = 3.6,
     road_m: float = 0.0,
     restless: float = 0.004,
+    vigour: float = 1.0,
 ) -> SimulatedRide:
     """Ride `rig` with its file's effects along `path` (default: out, U-turn, back, U-turn) and record it."""
     truth = ride_along(
@@ -51,6 +52,7 @@ def simulate_ride(
         turning=turning,
         road_m=road_m,
         restless=restless,
+        vigour=vigour,
     )
     return SimulatedRide(rig, record(rig, truth, seed), truth)
 

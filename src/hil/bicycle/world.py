@@ -51,11 +51,12 @@ def ride_along(
     turning: float = 3.6,
     road_m: float = 0.0,
     restless: float = 0.004,
+    vigour: float = 1.0,
 ) -> RideTruth:
     """Ride the bicycle, with its file's effects, along `path`; cruise and turning speed in m/s.
 
-    `road_m`: standard deviation of the road's height, m. `restless`: how far the rider strays from the
-    path's curvature, 1/m. KinematicsError where it falls.
+    `vigour`: of pulling away and braking. `road_m`: standard deviation of the road's height, m. `restless`:
+    how far the rider strays from the path's curvature, 1/m. KinematicsError where it falls.
     """
     rng = np.random.default_rng(seed)
     table = ParameterTable(rig)
@@ -70,7 +71,7 @@ def ride_along(
     fork, tyre = "bicycle.front_suspension", "bicycle.tyre_compliance"
     spring = np.array([values[f"{fork}.stiffness"], *[values[f"{tyre}.stiffness"]] * 2])
     damper = np.array([values[f"{fork}.damping"], *[values[f"{tyre}.damping"]] * 2])
-    speeds = speed_profile(path, STEP_S, cruise, turning)
+    speeds = speed_profile(path, STEP_S, cruise, turning, vigour=vigour)
     count = len(speeds)
     rows = path.rows.copy()
     rows[:, 3] += restless * _smooth_noise(rng, len(rows), round(4.0 / SPACING_M))

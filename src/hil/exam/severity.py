@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +103,15 @@ def effect_of(recipe: Recipe, size: float) -> tuple[tuple[Effect, ...], tuple[Ou
     return (line,), ()
 
 
+class Traced(Protocol):
+    """Whatever can say how large effects show: `Bench`, or a ride's."""
+
+    def trace(
+        self, effects: tuple[Effect, ...], outside: tuple[Outside, ...] = ()
+    ) -> dict[str, float]:
+        """By signal, the trace over the floor; WorldError where the world cannot play it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Solved:
     """A size, the traces that it has by signal, and the largest of them."""
@@ -112,7 +121,7 @@ class Solved:
     reached: float
 
 
-def solve_size(bench: Bench, recipe: Recipe, severity: float, lift: float = 1.2) -> Solved | None:
+def solve_size(bench: Traced, recipe: Recipe, severity: float, lift: float = 1.2) -> Solved | None:
     """The size at which `recipe` has this severity; None where no sane size has it.
 
     Where that would lie within what a calibration sets right, the size is `lift` times the smallest that does
@@ -154,7 +163,7 @@ def _between(below: tuple[float, float], above: tuple[float, float], severity: f
     return math.exp(x0 + min(max(share, 0.15), 0.85) * (x1 - x0))
 
 
-def _no_smaller(bench: Bench, recipe: Recipe, found: Solved, lift: float) -> Solved | None:
+def _no_smaller(bench: Traced, recipe: Recipe, found: Solved, lift: float) -> Solved | None:
     """`found`, or the smallest size that is no matter of calibration."""
     if found.size >= recipe.smallest and found.traces:
         return found

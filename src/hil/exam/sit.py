@@ -114,7 +114,7 @@ def _answered(case: Case, sitting: Sitting, without: Sequence[str]) -> dict[str,
         return sit_baseline(sitting.baseline, case, answer)
     from hil.gap.bicycle import diagnose_any
 
-    found = diagnose_any(list(case.runs), case.rig, references=list(case.references), without=without)
+    found = diagnose_any(case.runs, case.rig, references=case.references, without=without)
     return dict(found.tables())
 
 
