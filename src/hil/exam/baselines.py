@@ -18,9 +18,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config import Effect, RigFile
+from hil.config import AnyRig, BicycleFile, Effect
+from hil.config.bicycle import SIGNALS as ANGLES
 from hil.exam.case import Case
-from hil.gap import Nuisance, Problem, default_nuisances, locate, refit
+from hil.gap import Nuisance, Problem, default_nuisances, refit
+from hil.gap.bicycle import locate_any
+from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.heldout import score, split
 from hil.gap.result import Evidence
 from hil.sim import ParameterTable
@@ -50,16 +53,13 @@ class Ground:
     @classmethod
     def of(cls, case: Case) -> Ground:
         """Locate the gap, then refit the nuisances on the training samples alone."""
-        located = locate(list(case.runs), case.rig)
+        located = locate_any(case.runs, case.rig)
         e = located.evidence
-        runs = [r.path.name for r in case.runs]
-        run_of = [runs.index(p.name.partition(" (")[0]) for p in e.problem.pieces]
-        ends, _ = split(e.problem, run_of)
-        train = np.zeros(e.problem.size, dtype=bool)
-        for x in e.problem.series:
-            end = ends[x.stretch]
-            train[x.part] = end is not None and e.problem.t_s[x.part] < end
-        nuisances = tuple(default_nuisances(case.rig, e.problem.signals))
+        train = split(e.problem, e.noise, e.residual).train(e.problem)
+        if isinstance(case.rig, BicycleFile):
+            nuisances = ride_nuisances(case.rig, e.problem)
+        else:
+            nuisances = tuple(default_nuisances(case.rig, e.problem.signals))
         best = refit(_only(e.problem, train), e.noise, nuisances, e.vector)
         kept = e.problem.kept
         return cls(
@@ -132,7 +132,7 @@ def _fitted(case: Case, ground: Ground, by_bic: bool) -> dict[str, Any]:
     return _said(case, ground, "identified", [_cause(best[1], best[3], 1.0)], best[2])
 
 
-def _candidates(rig: RigFile, ground: Ground) -> list[Effect]:
+def _candidates(rig: AnyRig, ground: Ground) -> list[Effect]:
     """Every effect at every place, sized to fit; best first by what it takes off the error, linearly."""
     e = ground.evidence
     problem = _only(e.problem, ground.train)
@@ -167,8 +167,8 @@ def _candidates(rig: RigFile, ground: Ground) -> list[Effect]:
     return [line for _, line in sorted(seen, key=lambda x: -x[0])]
 
 
-def _leaves(rig: RigFile, problem: Problem, known: set[str]) -> list[tuple[str, str]]:
-    signals = set(problem.signals)
+def _leaves(rig: AnyRig, problem: Problem, known: set[str]) -> list[tuple[str, str]]:
+    signals = {*problem.signals, *(ANGLES if isinstance(rig, BicycleFile) else ())}
     has_imu = any(s.startswith("imu.") for s in signals)
     out: dict[tuple[str, str], None] = {}
     for p in problem.table.entries:

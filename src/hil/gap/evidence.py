@@ -46,7 +46,17 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], dict[str, 
     """Every fit with its probability among them, best first; and by signal what a sample is divided by."""
     best = min(fits, key=lambda f: f.cost(c.train) + f.prior_cost)
     worth = temper(c, best)
-    logs = np.array([log_evidence(c, f, worth) for f in fits])
+    likely = np.array([log_likelihood(c, f, worth) for f in fits])
+    freedom = np.array([log_freedom(c, f, worth) for f in fits])
+    # Which of two that answer alike has the more usual size is no evidence: they share what freedom costs.
+    order = np.argsort(-(likely + freedom))
+    group = np.empty(len(fits), dtype=int)
+    group[order] = classes(c, [fits[k] for k in order])
+    count = np.array([len(f.names) for f in fits])
+    shared = [
+        np.mean(freedom[(group == g) & (count == n)]) for g, n in zip(group, count, strict=True)
+    ]
+    logs = likely + np.array(shared)
     real = np.array([bool(f.leaves) for f in fits])
     p = np.exp(np.where(real, logs - logs[real].max(), -np.inf)) if real.any() else np.ones(1)
     p /= p.sum()
@@ -87,14 +97,19 @@ def _correlation_time(w: Array) -> float:
     return max(total, 1.0)
 
 
-def log_evidence(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
-    """Nats."""
+def log_likelihood(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
+    """Nats of data, tempered, and of what the nuisances' priors say."""
     data = 0.0
     for x in c.problem.series:
         rows = c.train[x.part]
         data += float(np.sum(loss(f.white[x.part][rows]))) / worth[x.signal]
+    return -data / TEMPER - f.prior_cost - f.extra_cost
+
+
+def log_freedom(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
+    """Nats that the freedom of a fit's parameters and of further effects costs."""
     mean = float(np.mean(list(worth.values())))
-    total = -data / TEMPER - f.prior_cost - f.extra_cost
+    total = 0.0
     for name, sd in zip(f.names, f.search_sd, strict=True):
         p = c.problem.table[name]
         at = p.to_search(float(f.values[f.names.index(name)]))

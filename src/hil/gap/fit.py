@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from hil.gap.bank import shifted
+from hil.gap.bank import ABSOLUTE, shifted
 from hil.gap.leaves import Changes, Leaf
 from hil.gap.noise import NoiseModel
 from hil.gap.nuisances import LIMIT, Nuisance
@@ -30,7 +30,7 @@ FREEDOM: Final = 4.0
 ROUNDS: Final = 3
 SETTLED: Final = 0.02
 """A round that gains less than this share of what is left ends the fit."""
-WEAK: Final = 30.0
+WEAK: Final = 10.0
 """Prior spread of a candidate's parameter in its own scales: keeps what data do not hold from running off."""
 
 
@@ -123,18 +123,15 @@ def fit(
     A = c.jacobian[:, held][c.train]
     sd = np.array([c.nuisances[k].sd for k in held])
     z = c.z[held].copy()
-    vector = np.array(c.vector)
     names = list(start)
     entries = [problem.table[n] for n in names]
     index = [problem.table.index(n) for n in names]
-    for i, n in zip(index, names, strict=True):
-        vector[i] = shifted(problem, n, float(c.vector[i]), start[n])
+    vector, answer = _begin(c, start, index, z)
+    if not np.all(np.isfinite(answer)):
+        return None
     x = np.array([p.to_search(float(vector[i])) for p, i in zip(entries, index, strict=True)])
     ends = [_ends(p) for p in entries]
     scale = np.array([step_size(p, s) for p, s in zip(entries, x, strict=True)])
-    answer = problem.answers(vector)[0]
-    if not np.all(np.isfinite(answer)):
-        return None
     residual = problem.measured - answer
     white = c.noise.whiten(problem, residual)
     cost = _total(c, white, z)
@@ -183,6 +180,37 @@ def fit(
     )  # fmt: skip
 
 
+def _begin(
+    c: Calibrated, start: Mapping[str, float], index: Sequence[int], z: Array
+) -> tuple[Array, Array]:
+    """Parameter vector and answer to start from: a start that is worse than none at all is drawn nearer.
+
+    Amplitudes come from a linear picture, which may promise too much of what these data hardly hold.
+    """
+    unmoved = _total(c, c.white, z)
+    best: tuple[float, Array, Array] | None = None
+    for share in NEARER:
+        vector = np.array(c.vector)
+        for i, (n, value) in zip(index, start.items(), strict=True):
+            now = float(c.vector[i])
+            aim = shifted(c.problem, n, now, value)
+            p = c.problem.table[n]
+            is_linear = p.search == "linear" and p.parameter not in ABSOLUTE and np.isfinite(now)
+            vector[i] = now + share * (aim - now) if is_linear else aim
+        answer = c.problem.answers(vector)[0]
+        if np.all(np.isfinite(answer)):
+            cost = _total(c, c.noise.whiten(c.problem, c.problem.measured - answer), z)
+            if best is None or cost < best[0]:
+                best = (cost, vector, answer)
+            if cost <= unmoved:
+                break
+    if best is None:
+        return vector, answer
+    return best[1], best[2]
+
+
+NEARER: Final = (1.0, 0.3, 0.05)
+"""Shares of a start's way that are tried."""
 NARROWEST: Final = {"displacement": 1e-4}
 """A narrower hysteresis is how any friction begins, and no effect of its own."""
 

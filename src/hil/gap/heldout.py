@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 HELD_SHARE: Final = 0.35
 """Of a lone run: its end is held out."""
+LEAST_SEEN: Final = 0.25
+"""Share of the gap's energy that fits must see."""
 BLOCK_S: Final = 1.0
 RESAMPLES: Final = 400
 TOUCHED: Final = 0.5
@@ -35,22 +37,60 @@ class Score:
     shrink_ci: tuple[float, float] | None
 
 
-def split(problem: Problem, runs: Sequence[int]) -> tuple[list[float | None], str]:
-    """For each stretch until when fits may see it (None: not at all), and in words what is held out.
+@dataclass(frozen=True, slots=True)
+class Split:
+    """What fits may see of each stretch, (from, until) s or None, and in words what is held out."""
 
-    `runs`: the run that each stretch belongs to. The last of several runs is held out, of one its end.
+    seen: tuple[tuple[float, float] | None, ...]
+    text: str
+
+    def train(self, problem: Problem) -> Mask:
+        """(N,) samples that fits may see."""
+        out = np.zeros(problem.size, dtype=bool)
+        for x in problem.series:
+            span = self.seen[x.stretch]
+            if span is not None:
+                t = problem.t_s[x.part]
+                out[x.part] = (t >= span[0]) & (t < span[1])
+        return out
+
+
+def split(problem: Problem, noise: NoiseModel, residual: Array) -> Split:
+    """Hold out the last of several runs, of a lone one its end; `residual` (N,) of the calibrated twin.
+
+    Where nearly all of the gap stands in what would be held out, fits would have nothing to go by: then
+    another run is held out, or the beginning.
     """
-    ends: list[float | None] = []
-    if len(set(runs)) > 1:
-        last = max(runs)
-        for p, r in zip(problem.pieces, runs, strict=True):
-            ends.append(None if r == last else p.span_s[1])
-        names = [p.name for p, r in zip(problem.pieces, runs, strict=True) if r == last]
-        return ends, ", ".join(names)
-    for p in problem.pieces:
-        start, end = p.span_s
-        ends.append(end - HELD_SHARE * (end - start))
-    return ends, f"the last {100.0 * HELD_SHARE:.0f} % of the record's time"
+    names = [p.name.partition(" (")[0] for p in problem.pieces]
+    runs = tuple(dict.fromkeys(names))
+    if len(runs) > 1:
+        options = [
+            Split(
+                tuple(None if n == out else (-np.inf, np.inf) for n in names),
+                out,
+            )
+            for out in reversed(runs)
+        ]
+    else:
+        cuts = [
+            (p.span_s[0], HELD_SHARE * (p.span_s[1] - p.span_s[0]), p.span_s[1])
+            for p in problem.pieces
+        ]
+        part = f"{100.0 * HELD_SHARE:.0f} % of the record's time"
+        options = [
+            Split(tuple((-np.inf, end - held) for _, held, end in cuts), f"the last {part}"),
+            Split(tuple((start + held, np.inf) for start, held, _ in cuts), f"the first {part}"),
+        ]
+    energy = (noise.tamed(problem, residual) / noise.sigma) ** 2
+    energy = (energy - np.mean((noise.draws / noise.sigma) ** 2, axis=0)) * problem.kept
+    total = float(energy.sum())
+    shares = [
+        float(energy[o.train(problem)].sum()) / total if total > 0.0 else 1.0 for o in options
+    ]
+    for option, share in zip(options, shares, strict=True):
+        if share > LEAST_SEEN:
+            return option
+    return options[int(np.argmax(shares))]
 
 
 def traces(c: Calibrated, none: Fit, f: Fit) -> dict[str, float]:

@@ -24,7 +24,7 @@ Changes = Mapping[str, float]
 
 SATURATED: Final = (1.0, 0.9, 1.12)
 """Times the largest force or speed that the record itself has, where limits are looked for."""
-REACHED: Final = 0.97
+REACHED: Final = 0.995
 """Of what the twin needs: a rig that reached as much was not limited."""
 GAPS_M: Final = (1e-4, 3e-4, 1e-3, 3e-3)
 DELAYS_S: Final = (0.001, 0.002, 0.003, 0.0045, 0.006, 0.008, 0.01, 0.0125, 0.015, 0.02)

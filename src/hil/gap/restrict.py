@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.gap.heldout import Split
 from hil.gap.noise import NoiseModel
 from hil.gap.problem import Problem
 
 Index = NDArray[np.int64]
 
 
-def part_of(problem: Problem, ends_s: Sequence[float | None]) -> tuple[Problem, Index]:
-    """The stretches of `problem` up to `ends_s` (None: left out whole), and the samples that they are."""
-    seen = [(k, end) for k, end in enumerate(ends_s) if end is not None]
+def part_of(problem: Problem, split: Split) -> tuple[Problem, Index]:
+    """The stretches of `problem` that `split` lets fits see, and the samples that they are.
+
+    What comes before the seen part of a stretch is replayed, for the twin to come by, and not judged.
+    """
+    seen = [(k, span) for k, span in enumerate(split.seen) if span is not None]
     kept = [k for k, _ in seen]
-    pieces = [problem.sent[k].until(end) for k, end in seen]
+    pieces = [problem.sent[k].until(span[1]) for k, span in seen]
     clocks = {(kept.index(k), a): c for (k, a), c in problem.clocks.items() if k in kept}
     small = problem.on(pieces, clocks)
     places = {(x.stretch, x.signal): x.part.start for x in problem.series}
@@ -26,6 +29,7 @@ def part_of(problem: Problem, ends_s: Sequence[float | None]) -> tuple[Problem, 
     for x in small.series:
         start = places[kept[x.stretch], x.signal]
         parts.append(np.arange(start, start + x.part.stop - x.part.start))
+        small.kept[x.part] &= small.t_s[x.part] >= seen[x.stretch][1][0]
     return small, np.concatenate(parts)
 
 

@@ -10,10 +10,11 @@ import numpy as np
 from hil.config import BicycleFile
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
-from hil.gap.diagnose import EXPLAINED, SOFT, as_found, explain, judge
+from hil.gap.diagnose import as_found, explain
 from hil.gap.diagnosis import Diagnosis
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.nuisances import Nuisance
+from hil.gap.verdict import EXPLAINED, SOFT, judge
 from hil.runs import Run
 
 

@@ -18,14 +18,13 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
+from hil.bicycle.effects import RideEffects
 from hil.bicycle.recorded import Ride
-from hil.bicycle.sensors import IMU_SIGNALS, Sensor, misaligned
+from hil.bicycle.sensors import IMU_SIGNALS
 from hil.config import BicycleFile
-from hil.config.bicycle import SIGNALS
 from hil.errors import KinematicsError
-from hil.rigs.bicycle import Motion, Packed, Smooth, low_pass, ride
+from hil.rigs.bicycle import Motion, Packed, Smooth, low_pass
 from hil.rigs.bicycle.conditioning import central
 
 Array = NDArray[np.float64]
@@ -82,26 +81,11 @@ class RideTwin:
     def motion(self, values: Mapping[str, float], angles: Array | None = None) -> Motion:
         """The ride with effects; `angles` instead of the recorded ones."""
         told = self.recorded.angles if angles is None else angles
-        t = self.recorded.t_s
-        true = np.column_stack(
-            [Sensor.of(s, values).truth(t, told[:, k]) for k, s in enumerate(SIGNALS)]
-        )
-        angle = self.filtered(true)
+        effects = RideEffects(values)
+        angle = self.filtered(effects.true_angles(self.recorded.t_s, told))
         rate = central(angle, self.recorded.dt_s)
-        bicycle = self.bicycle.scaled(
-            values["rear_wheel.wheel_radius.scale"],
-            values["front_wheel.wheel_radius.scale"],
-            values["rear_wheel.wheel_slip.coefficient"],
-        )
-        fork, tyre = "bicycle.front_suspension", "bicycle.tyre_compliance"
-        stiffness, damping = values[f"{fork}.stiffness"], values[f"{fork}.damping"]
-        tyre_stiffness, tyre_damping = values[f"{tyre}.stiffness"], values[f"{tyre}.damping"]
-        return ride(
-            bicycle,
-            Smooth(self.recorded.dt_s, angle, rate, central(rate, self.recorded.dt_s)),
-            spring=(stiffness, tyre_stiffness, tyre_stiffness),
-            damper=(damping, tyre_damping, tyre_damping),
-        )
+        acceleration = central(rate, self.recorded.dt_s)
+        return effects.motion(self.bicycle, Smooth(self.recorded.dt_s, angle, rate, acceleration))
 
     def answer(self, values: Mapping[str, float], angles: Array | None = None) -> dict[str, Array]:
         """By signal, what the twin says at the judged rows; NaN where it cannot stand."""
@@ -109,22 +93,15 @@ class RideTwin:
             motion = self.motion(values, angles)
         except KinematicsError:
             return {s: np.full(len(self.judged), np.nan) for s in self.signals}
-        t = self.recorded.t_s
-        start = float(t[0])
-        seen = misaligned(motion.imu, values)
-        # stamps of a clock that runs fast are later than the truth
-        at = start + (t - start) / (1.0 + values["imu.clock_drift.rate"])
-        if values["imu.clock_drift.rate"] != 0.0:
-            at = t / (1.0 + values["imu.clock_drift.rate"])
+        effects = RideEffects(values)
+        imu = effects.imu(self.recorded.t_s, motion)
         out = {}
         for signal in self.signals:
             if signal == LEAN_TORQUE:
-                left = motion.lean_torque - rider_torque(self.rig, motion, values)
-                out[signal] = np.asarray(left)[self.judged]
-                continue
-            k = IMU_SIGNALS.index(signal)
-            answers = Sensor.of(signal, values).answer(t, seen[:, k], at)
-            out[signal] = answers[self.judged]
+                whole = effects.lean_torque(self.rig, motion)
+            else:
+                whole = imu[:, IMU_SIGNALS.index(signal)]
+            out[signal] = whole[self.judged]
         return out
 
     def speed(self) -> Array:
@@ -132,38 +109,3 @@ class RideTwin:
         wheel = self.recorded.angles[:, 1]
         rate = np.gradient(self.filtered(wheel), self.recorded.dt_s)
         return np.asarray(rate[self.judged] * self.rig.geometry.R)
-
-
-def rider_torque(rig: BicycleFile, motion: Motion, values: Mapping[str, float]) -> Array:
-    """(N,) lean torque on the frame by a rider whose upper body leans against it, N m; first order in lean.
-
-    Upper body as a pendulum on the frame: own a'' + c a' + (k - m h g) a = m h across - k gain theta
-    - lever theta'', and on the frame m h g a - lever a''.
-    """
-    name = "bicycle.rider_motion"
-    stiffness, gain = values[f"{name}.stiffness"], values[f"{name}.gain"]
-    m, h = rig.rider.mass, rig.rider.height
-    if m == 0.0 or (not np.isfinite(stiffness) and gain == 0.0):
-        return np.zeros(len(motion.q))
-    g = rig.mass.gravity
-    lean, bend = motion.q[:, 3], motion.qdd[:, 3]
-    own = rig.rider.inertia + m * h * h
-    lever = own + m * h * (rig.rider.pivot[2] + rig.geometry.R)
-    if not np.isfinite(stiffness):
-        return np.asarray(-gain * (m * h * g * lean - lever * bend))
-    across = g * np.sin(lean) + motion.speed * motion.qd[:, 2] * np.cos(lean)
-    load = m * h * across - stiffness * gain * lean - lever * bend
-    damping, held = values[f"{name}.damping"], stiffness - m * h * g
-    # trapezoidal rule of the pendulum's equation, second order in the step and stable at any stiffness
-    w = 2.0 / motion.dt_s
-    b = np.array([1.0, 2.0, 1.0])
-    a = np.array(
-        [
-            own * w * w + damping * w + held,
-            2.0 * held - 2.0 * own * w * w,
-            own * w * w - damping * w + held,
-        ]
-    )
-    alpha = lfilter(b / a[0], a / a[0], load)
-    swing = (load - damping * np.gradient(alpha, motion.dt_s) - held * alpha) / own
-    return np.asarray(m * h * g * alpha - lever * swing)

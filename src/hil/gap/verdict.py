@@ -1,0 +1,216 @@
+"""What weighed fits amount to: causes with probabilities and intervals, held-out shrink, the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.bank import Bank
+from hil.gap.candidates import ROUNDED
+from hil.gap.diagnosis import Cause, Diagnosis, ParameterValue, Verdict
+from hil.gap.evidence import Weighed, classes, weigh
+from hil.gap.fit import Calibrated, Fit, calibrated
+from hil.gap.frames import EFFECT as LOST
+from hil.gap.frames import fit_lost_frames
+from hil.gap.heldout import Score, score, touched, traces
+from hil.gap.leaves import Leaf
+from hil.gap.locate import RATIO
+from hil.gap.residual import Refit
+from hil.gap.result import Located
+from hil.gap.shares import explained, largest_ratio
+
+Array = NDArray[np.float64]
+
+EXPLAINED: Final = 0.72
+"""Share of the gap's energy that a verdict must explain, half of the time [set on training cases]."""
+SOFT: Final = 0.06
+SURE: Final = 0.8
+"""Probability from which on one candidate is the verdict."""
+LARGE: Final = 2.0
+"""Floors on any signal over the whole record that are a gap, however short its parts."""
+CLEAR: Final = 15.0
+"""Nats of evidence from which on a candidate is more than a chance among many [set on training cases]."""
+MATERIAL: Final = 0.75
+"""Floors that its trace must have on some signal."""
+VISIBLE: Final = 0.3
+"""Floors that a candidate of a usual size must show on some signal to be judged at all."""
+CI: Final = 1.645
+WIDEN: Final = 1.5
+"""Of what noise does to a parameter [set on training cases]."""
+OTHER_LAW: Final = 0.13
+"""Of an effect's own size, by which the parameter of another law may differ [set on training cases]."""
+
+
+def no_gap(located: Located, held_out: str) -> Diagnosis:
+    """Nothing to explain."""
+    return Diagnosis(
+        located, "no_gap", located.sentence, (), (), 0.0, None, None, held_out, (), None, None, None
+    )
+
+
+def answer(
+    located: Located,
+    c: Calibrated,
+    fits: Sequence[Fit],
+    bank: Bank,
+    held: NDArray[np.bool_],
+    held_out: str,
+    seed: int,
+) -> Diagnosis:
+    """The diagnosis of `fits`, the first of them the twin without effects; `held` (N,): unseen samples."""
+    none = fits[0]
+    weighed, worth = weigh(c, fits)
+    zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
+    weighed = [w for w in weighed if w.fit.leaves]
+    if not weighed:
+        return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
+    first, gain = weighed[0].fit, weighed[0].log_evidence - zero
+    is_large = largest_ratio(c, none) > RATIO or max(s.ratio for s in located.signals) > LARGE
+    is_clear = gain > CLEAR and max(traces(c, none, first).values()) > MATERIAL
+    if not (is_large or is_clear):
+        return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
+    share = 1.0 if first.leaves[0].effect == ROUNDED else explained(c, none, first)
+    unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
+    if gain < CLEAR:
+        unknown = max(unknown, 0.9)
+    rng = np.random.default_rng(seed + 2)
+    shown = _Shown(located, none, held, rng)
+    causes = _causes(c, none, weighed, worth, unknown, zero, shown)
+    chosen = tuple(
+        next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
+        for leaf in first.leaves
+    )
+    signals = touched(c, none, first) or c.problem.signals
+    part, whole = shown.score(first, signals), shown.score(first, c.problem.signals)
+    verdict, sentence = judge(chosen, causes, unknown, part.shrink)
+    return Diagnosis(
+        located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
+        part, whole, held_out, not_excited(c, bank), first, none, c,
+    )  # fmt: skip
+
+
+class _Shown:
+    """Fits on the whole record, held-out samples and all."""
+
+    def __init__(
+        self, located: Located, none: Fit, held: NDArray[np.bool_], rng: np.random.Generator
+    ) -> None:
+        self.e = located.evidence
+        self.held, self.rng = held, rng
+        self.none = none
+        self.before = self.e.problem.residual(none.vector)
+
+    def score(self, f: Fit, signals: Sequence[str]) -> Score:
+        """Of a fit on held-out samples."""
+        if f.leaves and f.leaves[0].effect == LOST:
+            after = self._without_lost(f)
+            return score(
+                self.e.problem, self.e.noise, self.before, after, self.held, signals, self.rng
+            )
+        answer = self.e.problem.answers(f.vector)[0]
+        after = np.where(np.isfinite(answer), self.e.problem.measured - answer, self.before)
+        return score(self.e.problem, self.e.noise, self.before, after, self.held, signals, self.rng)
+
+    def _without_lost(self, f: Fit) -> Array:
+        """Residual (N,) without the frames that were lost: which ones, the held-out record itself tells."""
+        e = self.e
+        jacobian = np.zeros((e.problem.size, 0))
+        c = calibrated(e.problem, e.noise, (), Refit(f.vector, self.before, jacobian, ()))
+        found = fit_lost_frames(
+            c, replace(self.none, residual=self.before, white=c.white, vector=self.none.vector)
+        )
+        return self.before if found is None else found.residual
+
+
+def _causes(
+    c: Calibrated,
+    none: Fit,
+    weighed: Sequence[Weighed],
+    worth: dict[str, float],
+    unknown: float,
+    zero: float,
+    shown: _Shown,
+) -> tuple[Cause, ...]:
+    """Every leaf that was fitted, with its probability over all sets that hold it, best first."""
+    singles = {w.fit.leaves[0].name: w for w in weighed if len(w.fit.leaves) == 1}
+    several = len(weighed[0].fit.leaves) > 1
+    probability: dict[str, float] = {}
+    source: dict[str, Weighed] = {}
+    for w in weighed:
+        for leaf in w.fit.leaves:
+            probability[leaf.name] = probability.get(leaf.name, 0.0) + w.probability
+            source.setdefault(leaf.name, w)
+    heads = [source[n].fit if several or n not in singles else singles[n].fit for n in source]
+    groups = dict(zip(source, classes(c, heads), strict=True))
+    mean_worth = float(np.mean(list(worth.values())))
+    out = []
+    for name, w in source.items():
+        leaf = next(x for x in w.fit.leaves if x.name == name)
+        shrink = None
+        if probability[name] > 0.02:
+            shrink = shown.score(w.fit, touched(c, none, w.fit) or c.problem.signals).shrink
+        out.append(
+            Cause(
+                leaf.effect, leaf.location, probability[name] * (1.0 - unknown), groups[name],
+                _parameters(c, w.fit, leaf, mean_worth), shrink, w.log_evidence - zero, w.fit,
+            )
+        )  # fmt: skip
+    return tuple(sorted(out, key=lambda x: -x.probability))
+
+
+def _parameters(c: Calibrated, f: Fit, leaf: Leaf, worth: float) -> dict[str, ParameterValue]:
+    out = {}
+    for name, value, sd in zip(f.names, f.values, f.search_sd, strict=True):
+        if name not in leaf.parameters:
+            continue
+        p = c.problem.table[name]
+        x = p.to_search(float(value))
+        away = x - p.to_search(p.neutral) if np.isfinite(p.to_search(p.neutral)) else x
+        half = np.hypot(CI * WIDEN * float(sd) * np.sqrt(worth), OTHER_LAW * away)
+        ends = sorted(float(p.from_search(e)) for e in (x - half, x + half))
+        out[p.parameter] = ParameterValue(
+            float(value), (max(ends[0], p.lower), min(ends[1], p.upper)), p.unit, name in f.at_bound
+        )
+    return out
+
+
+def judge(
+    chosen: Sequence[Cause], causes: Sequence[Cause], unknown: float, shrink: float | None
+) -> tuple[Verdict, str]:
+    """Verdict and sentence for the best set `chosen` among all `causes`."""
+    names = " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in chosen)
+    if unknown > 0.5:
+        return "unknown", (
+            f"A gap that nothing in the catalogue explains; the nearest is {names}, which leaves too much."
+        )
+    far = (
+        "" if shrink is None else f" It takes {100.0 * shrink:.0f} % of the gap off held-out data."
+    )
+    if min(x.probability for x in chosen) / (1.0 - unknown) >= SURE:
+        return "identified", f"The gap comes from {names}.{far}"
+    others = [x for x in causes if x not in chosen and x.probability > 0.05]
+    rest = ", ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in others[:3])
+    return "ambiguous", (
+        f"The gap comes most likely from {names}; these data cannot rule out {rest}.{far}"
+    )
+
+
+def not_excited(c: Calibrated, bank: Bank) -> tuple[str, ...]:
+    """Candidates that at a usual size would change no signal visibly on these data."""
+    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    weight = 1.0 / c.noise.sigma**2 * c.problem.kept
+    size = np.zeros(bank.columns.shape[1])
+    for signal in c.problem.signals:
+        parts = [x.part for x in c.problem.series if x.signal == signal]
+        total = sum(weight[p] @ bank.columns[p].astype(float) ** 2 for p in parts)
+        share = np.sqrt(total / max(sum(float(weight[p].sum()) for p in parts), 1e-300))
+        size = np.maximum(size, share / max(floors[signal], 1e-300))
+    return tuple(
+        leaf.name
+        for leaf, starts in zip(bank.leaves, bank.places, strict=True)
+        if max((size[k] for start in starts for k in start), default=0.0) < VISIBLE
+    )
