@@ -220,14 +220,14 @@ def test_a_peer_that_does_not_read_costs_records_and_no_time(pair):
     control, gateway = pair
     state = r.StateRecord(0.0, "parked", (0.0,) * 3, (0.0,) * 3, (r.ActuatorState(),) * 3)
     sent = 0
-    slowest = 0.0
+    took_s = []
     while control.dropped < 100:
         start = time.perf_counter()
         control.send(state)
-        slowest = max(slowest, time.perf_counter() - start)
+        took_s.append(time.perf_counter() - start)
         sent += 1
         assert sent < 100_000
-    assert slowest < 0.05
+    assert sorted(took_s)[len(took_s) * 99 // 100] < 0.005  # the machine may take a few away
     assert len(gateway.receive(most=sent)) == sent - control.dropped
     assert control.send(state) == 0
 

@@ -145,7 +145,7 @@ def switched(folder, *, off_s, most_bytes=None):
     recording = Recording(folder, rig_toml(RIG), RIG, told.append)
     session = Session(RIG)
     session.on_record = lambda record: recording.put(
-        lambda recorder: keep(recorder, record, RIG, Sources(RIG.actuator_names))
+        lambda recorder: keep(recorder, [(record, None)], RIG, Sources(RIG.actuator_names))
     )
 
     async def scene():

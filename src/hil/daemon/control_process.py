@@ -33,6 +33,8 @@ STATUS_S: Final = 1.0
 """Between two status lines for systemd."""
 LOAD_S: Final = 0.5
 """Over which the bus load is averaged."""
+TELL_S: Final = 0.004
+"""Least time between two datagrams to the gateway: a wake of it for each cycle of 1 ms would cost it dear."""
 PARK_S: Final = 20.0
 """After the signal to end, the rig gets so long to park before the drives are switched off anyway."""
 GATEWAY_START_S: Final = 15.0
@@ -94,6 +96,7 @@ class ControlProcess:
         self._garbage = CalmGarbage()
         self._loads = tuple(BusLoad(bitrate, now_s) for bitrate in rig.can.bitrates)
         self._status_s = now_s
+        self._tell_s = now_s
         self._alive_s = now_s
         self._ending_s: float | None = None
         self._off_cycles = 0
@@ -185,7 +188,9 @@ class ControlProcess:
             now_s = time.monotonic()
             self._send(now_s, self._core.on_due(now_s))
         self._timer.arm_at(self._core.next_due_s)
-        self._channel.send(*self._core.take_records())
+        if now_s >= self._tell_s:
+            self._tell_s = now_s + TELL_S
+            self._channel.send(*self._core.take_records())
         self._calm()
         self._notify(now_s)
         self._watch_gateway(now_s)

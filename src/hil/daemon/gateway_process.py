@@ -16,6 +16,7 @@ import msgspec
 from hil.config import RigFile
 from hil.configfile import parse_settings
 from hil.daemon.gateway_options import GatewayOptions
+from hil.daemon.realtime import request_precedence
 from hil.errors import HilError
 
 
@@ -48,6 +49,7 @@ def main() -> int:
     """Be the gateway; exit code 2 and one sentence where it cannot start."""
     from hil.daemon.gateway import run_gateway  # not in the process that starts it
 
+    request_precedence()
     handed = msgspec.json.decode(sys.stdin.buffer.read())
     options = handed["options"]
     if options["runs_folder"] is not None:

@@ -23,7 +23,7 @@ from hil.runs.recorder import Recorder
 from hil.signals import Event
 
 MOST_WAITING: Final = 200_000
-"""Calls that may wait for the disk; at a thousand values a second, minutes."""
+"""Values that may wait for the disk; at a thousand a second, minutes."""
 
 AnyRecorder = Recorder | Between
 Write = Callable[[AnyRecorder], None]
@@ -53,12 +53,12 @@ class Recording:
         thread = self._thread
         return thread.path if thread is not None and thread.is_recording else None
 
-    def put(self, write: Write) -> None:
-        """Queue a call of the recorder, if there is one; returns at once."""
+    def put(self, write: Write, values: int = 1) -> None:
+        """Queue a call of the recorder that writes so many values, if there is one; returns at once."""
         if self._thread is None:
             self._keep_the_journal()
-        if self._thread is not None and not self._thread.put(write):
-            self.dropped += 1
+        if self._thread is not None and not self._thread.put(write, values):
+            self.dropped += values
 
     async def start(self) -> CommandReply:
         """Begin a recording, unless one runs."""
@@ -116,7 +116,8 @@ class RecorderThread:
     ) -> None:
         self.recorder = recorder
         self._earlier = earlier
-        self._queue: SimpleQueue[Write | None] = SimpleQueue()
+        self._queue: SimpleQueue[tuple[Write, int] | None] = SimpleQueue()
+        self._given = self._taken = 0  # values; each is counted by one thread alone
         self._on_end = on_end
         self._reason = "the recorder failed"
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=False)
@@ -137,11 +138,12 @@ class RecorderThread:
         """Whether what is put in is still written."""
         return self.recorder.stopped is None
 
-    def put(self, write: Write) -> bool:
+    def put(self, write: Write, values: int = 1) -> bool:
         """Queue a call of the recorder; False if it is too far behind or has ended."""
-        if self._queue.qsize() >= MOST_WAITING or not self._thread.is_alive():
+        if self._given - self._taken >= MOST_WAITING or not self._thread.is_alive():
             return False
-        self._queue.put(write)
+        self._given += values
+        self._queue.put((write, values))
         return True
 
     def stop(self, reason: str) -> Event:
@@ -176,13 +178,15 @@ class RecorderThread:
         is_told = False
         while True:
             try:
-                write = self._queue.get(timeout=0.5)
+                item = self._queue.get(timeout=0.5)
             except Empty:
                 self.recorder.flush()
                 continue
-            if write is None:
+            if item is None:
                 return
+            write, values = item
             write(self.recorder)
+            self._taken += values
             if self.recorder.stopped is not None and not is_told:
                 is_told = True
                 self._on_end(self.recorder.stopped)

@@ -61,6 +61,8 @@ class Relay:
         self._heard_s = 0.0
         self._is_silent = False
         self.last_state: StateRecord | None = None
+        self._kept: list[tuple[Record, bytes | None]] = []
+        self._raw = b""
         self._handlers: dict[type, Callable[[Any], None]] = {
             FrameRecord: self._on_frame,
             StateRecord: self._on_state,
@@ -75,9 +77,10 @@ class Relay:
     def on_readable(self) -> bool:
         """Pass on what waits in the channel; False if nothing did."""
         malformed = self._channel.malformed
-        records = self._channel.receive()
-        for record in records:
+        records = self._channel.receive_with_bytes()
+        for record, self._raw in records:
             self._take(record)
+        self._record()
         if self._channel.malformed > malformed:
             self._events.complain("records_malformed", "control", "what it sends is no record")
         return bool(records)
@@ -112,8 +115,16 @@ class Relay:
             self._events.complain("records_malformed", "control", str(error))
 
     def _keep(self, record: Record) -> None:
-        """Record it. Indices have been checked by now: nothing fails on the recorder's thread."""
-        self._recording.put(lambda recorder: keep(recorder, record, self._rig, self._sources))
+        """To be recorded. Indices have been checked by now: nothing fails on the recorder's thread."""
+        self._kept.append((record, self._raw))
+
+    def _record(self) -> None:
+        """Hand over what is to be recorded, all at once."""
+        if self._kept:
+            kept, self._kept = self._kept, []
+            self._recording.put(
+                lambda recorder: keep(recorder, kept, self._rig, self._sources), len(kept)
+            )
 
     def _on_frame(self, record: FrameRecord) -> None:
         self._metrics.frame(is_sent=record.is_sent)

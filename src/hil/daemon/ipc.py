@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from hil.daemon.records import Record, SampleRecord
-from hil.daemon.wire import datagram, decode, encode
+from hil.daemon.wire import datagram, decode_with_bytes, encode
 from hil.errors import ProtocolError
 from hil.signals import Sample
 
@@ -80,7 +80,11 @@ class Channel:
 
     def receive(self, most: int = AT_ONCE) -> list[Record]:
         """Records that wait, from at most `most` datagrams; empty if there are none."""
-        records: list[Record] = []
+        return [record for record, _ in self.receive_with_bytes(most)]
+
+    def receive_with_bytes(self, most: int = AT_ONCE) -> list[tuple[Record, bytes]]:
+        """Records that wait, each with its bytes."""
+        records: list[tuple[Record, bytes]] = []
         for _ in range(most):
             try:
                 raw = self._socket.recv(MAX_DATAGRAM + 2)
@@ -92,7 +96,7 @@ class Channel:
                 self.is_open = False
                 break
             try:
-                records += decode(raw)
+                records += decode_with_bytes(raw)
             except ProtocolError:
                 self.malformed += 1
         return records

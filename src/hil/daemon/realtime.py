@@ -8,11 +8,15 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
 PRIORITY: Final = 50
 """SCHED_FIFO priority: above user threads, level with the kernel's threaded interrupt handlers."""
+
+GATEWAY_NICE: Final = -10
+"""Of the gateway: not real-time, but a rig whose gateway is starved takes it for gone, and parks."""
 
 _MCL_CURRENT_AND_FUTURE: Final = 1 | 2
 """MCL_CURRENT | MCL_FUTURE of <sys/mman.h>, Linux on x86 and ARM."""
@@ -47,6 +51,12 @@ def request_fifo(priority: int = PRIORITY) -> Right:
     except OSError as error:
         return Right("fifo", False, f"no real-time scheduling: {error.strerror}")
     return Right("fifo", True, f"real-time scheduling: SCHED_FIFO, priority {priority}")
+
+
+def request_precedence(nice: int = GATEWAY_NICE) -> None:
+    """Go before what else runs on this computer, where that is allowed; threads made later inherit it."""
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, min(nice, os.getpriority(os.PRIO_PROCESS, 0)))
 
 
 def lock_memory() -> Right:

@@ -136,11 +136,12 @@ class SimulatedSession:
         self.run_until(self.now_s + 0.2)
 
     def _collect(self) -> None:
-        for record in self.core.take_records():
+        records = self.core.take_records()
+        if self.recorder is not None:
+            keep(self.recorder, ((r, None) for r in records), self.rig, self._sources)
+        for record in records:
             if isinstance(record, ReplyRecord):
                 self._replies[record.command_id] = record
-            if self.recorder is not None:
-                keep(self.recorder, record, self.rig, self._sources)
             if self.on_record is not None:
                 self.on_record(record)
 

@@ -18,6 +18,7 @@ from hil.daemon.records import (
     INPUTS,
     KINDS,
     MAX_AXES,
+    NO_FRAME,
     POSES_PER_RECORD,
     QUANTITIES,
     RIG_STATES,
@@ -95,6 +96,14 @@ _CUE = struct.Struct(f"<{CLIENT_BYTES}sQddHHBB{POSES_PER_RECORD * (1 + MAX_AXES)
 _COMMAND = struct.Struct(f"<I{NAME_BYTES}s{NAME_BYTES}s")
 _INPUT = struct.Struct("<QdBB16s")
 _ALIVE = struct.Struct("<d?")
+_NO_FRAME: Final = frames.pack(NO_FRAME)
+
+
+def _frame(raw: bytes, bus: int) -> frames.Frame:
+    if raw == _NO_FRAME and not bus:
+        return NO_FRAME
+    frame = frames.unpack(raw)
+    return frame._replace(bus=bus) if bus else frame
 
 
 def _pack_frame(r: FrameRecord) -> bytes:
@@ -103,7 +112,7 @@ def _pack_frame(r: FrameRecord) -> bytes:
 
 def _unpack_frame(body: bytes) -> FrameRecord:
     t_s, is_sent, bus, raw = _FRAME.unpack(body)
-    return FrameRecord(t_s, is_sent, frames.unpack(raw)._replace(bus=bus))
+    return FrameRecord(t_s, is_sent, _frame(raw, bus))
 
 
 def _pack_state(r: StateRecord) -> bytes:
@@ -222,13 +231,13 @@ def _unpack_command(body: bytes) -> CommandRecord:
 
 def _pack_input(r: InputRecord) -> bytes:
     what = _code(INPUTS, r.what)
-    return _INPUT.pack(r.number, r.t_s, what, r.frame.bus, frames.pack(r.frame))
+    raw = _NO_FRAME if r.frame is NO_FRAME else frames.pack(r.frame)
+    return _INPUT.pack(r.number, r.t_s, what, r.frame.bus, raw)
 
 
 def _unpack_input(body: bytes) -> InputRecord:
     number, t_s, code, bus, raw = _INPUT.unpack(body)
-    frame = frames.unpack(raw)._replace(bus=bus)
-    return InputRecord(number, t_s, _name(INPUTS, code), frame)
+    return InputRecord(number, t_s, _name(INPUTS, code), _frame(raw, bus))
 
 
 def _pack_alive(r: GatewayAlive) -> bytes:
@@ -272,20 +281,26 @@ def datagram(encoded: Iterable[bytes]) -> bytes:
 
 def decode(raw: bytes) -> list[Record]:
     """The records of one datagram; ProtocolError if any of it is not as `encode` makes it."""
+    return [record for record, _ in decode_with_bytes(raw)]
+
+
+def decode_with_bytes(raw: bytes) -> list[tuple[Record, bytes]]:
+    """The records of one datagram as `decode` has them, each with what `encode` made of it."""
     if raw[:2] != HEADER:
         raise ProtocolError(
             f"a datagram begins with {raw[:2].hex() or 'nothing'}, not {HEADER.hex()}: are both "
             "processes of the same version of hil?"
         )
-    records: list[Record] = []
-    at = 2
-    while at < len(raw):
+    records: list[tuple[Record, bytes]] = []
+    at, whole = 2, len(raw)
+    while at < whole:
         codec = _CODECS.get(raw[at])
         if codec is None:
             raise ProtocolError(f"a datagram holds a record of unknown type {raw[at]}")
-        end = at + 1 + codec[1]
-        if end > len(raw):
-            raise ProtocolError(f"a {codec[0].__name__} in a datagram is cut short")
-        records.append(codec[3](raw[at + 1 : end]))
+        kind, size, _, unpack = codec
+        end = at + 1 + size
+        if end > whole:
+            raise ProtocolError(f"a {kind.__name__} in a datagram is cut short")
+        records.append((unpack(raw[at + 1 : end]), raw[at:end]))
         at = end
     return records

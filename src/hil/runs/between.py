@@ -79,6 +79,11 @@ class Between:
     def sample(self, sample: Sample) -> None:
         """Not kept."""
 
+    def answer(
+        self, actuator: str, received_s: float, sampled_s: float, values: dict[str, float]
+    ) -> None:
+        """Not kept."""
+
     def setpoint(self, t_s: float, kind: str, values: dict[str, float]) -> None:
         """Not kept."""
 

@@ -135,8 +135,14 @@ class Recorder:
             ride = RideMessage(t, sample.sampled_s, **{sample.quantity: sample.value})
             self._write("/ride", "ride", ride, t)
             return
-        message = DriveMessage(t, sample.sampled_s, **{sample.quantity: sample.value})
-        self._write(f"/drive/{sample.source}", "drive", message, t)
+        self.answer(sample.source, t, sample.sampled_s, {sample.quantity: sample.value})
+
+    def answer(
+        self, actuator: str, received_s: float, sampled_s: float, values: dict[str, float]
+    ) -> None:
+        """Record what one frame of a drive said, by quantity."""
+        message = DriveMessage(received_s, sampled_s, **values)
+        self._write(f"/drive/{actuator}", "drive", message, received_s)
 
     def setpoint(self, t_s: float, kind: str, values: dict[str, float]) -> None:
         """Record setpoints, by actuator, whose frames were sent at `t_s`."""
