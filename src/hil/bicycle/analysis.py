@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hil.bicycle.checks import check_ride
 from hil.bicycle.drift import Drift, find_drift
+from hil.bicycle.effects import RideEffects, soft_motion
 from hil.bicycle.recorded import Ride
 from hil.bicycle.sensors import IMU_SIGNALS
 from hil.errors import RunError
@@ -21,13 +22,15 @@ from hil.rigs.bicycle import (
     low_pass,
     pack,
     reduced_inertia,
-    ride,
     smooth,
 )
 from hil.runs.importing.findings import Finding
 
 Array = NDArray[np.float64]
 
+SPRUNG: Final = 0.45
+"""Of the ride's cutoff, below which fork and tyres are computed: less leaves out what a rider does to them,
+more lets the encoders' noise shake tyres [set on simulated rides]."""
 ROLLING: Final = 1.0
 """m/s: peaks of friction demand count while the bicycle rolls; at rest a foot holds it."""
 
@@ -53,12 +56,14 @@ class Compared:
 
 @dataclass(frozen=True, slots=True)
 class Analysis:
-    """All that was computed of one ride."""
+    """All that was computed of one ride, with the effects of its rig file."""
 
     ride: Ride
     bicycle: Packed
     told: Smooth
     motion: Motion
+    lean_torque: Array
+    """(N,) that nobody explains, the rider's effects among the file's taken out, N m."""
     measured: dict[str, Array]
     """IMU signals on the ride's grid, as they came."""
     filtered: dict[str, tuple[Array, Array]]
@@ -96,7 +101,7 @@ class Analysis:
             "drive_torque_rms": both,
             "drive_torque_off_reduced_inertia_rms": off,
             "reduced_inertia": reduced_inertia(rig),
-            "lean_torque_rms": _rms(m.lean_torque[rolls]) if rolls.any() else float("nan"),
+            "lean_torque_rms": _rms(self.lean_torque[rolls]) if rolls.any() else float("nan"),
             "normal_rear": _range(m.normal[:, 0]),
             "normal_front": {**_range(m.normal[:, 1]), "mean": float(m.normal[:, 1].mean())},
             "friction_demand_rear": _peak(demand[:, 0], m),
@@ -128,11 +133,15 @@ def analyse(recorded: Ride) -> Analysis:
     faults = [f"{recorded.name}: {f.subject}: {f.text}" for f in findings if f.verdict == "fault"]
     if faults:
         raise RunError("\n".join(faults))
-    bicycle = pack(rig)
+    effects = RideEffects.of(rig)
+    bicycle = effects.bicycle(pack(rig))
     how = rig.conditioning
-    told = smooth(recorded.angles, recorded.dt_s, how.cutoff, how.order)
-    motion = ride(bicycle, told)
     t = recorded.t_s
+    angles = effects.true_angles(t, recorded.angles)
+    told = smooth(angles, recorded.dt_s, how.cutoff, how.order)
+    slow = soft_motion(rig, recorded.dt_s, angles, SPRUNG)
+    motion = effects.added(pack(rig), told, slow)
+    answers = effects.imu(t, motion)
     measured = {s: np.asarray(np.interp(t, *v)) for s, v in recorded.imu.items()}
     filtered = {}
     compared = []
@@ -141,17 +150,18 @@ def analyse(recorded: Ride) -> Analysis:
             continue
         stamps, values = recorded.imu[signal]
         inside = (stamps >= t[0]) & (stamps <= t[-1])
-        model = np.interp(stamps[inside], t, motion.imu[:, k])
+        model = np.interp(stamps[inside], t, answers[:, k])
         compared.append(_compared(signal, False, values[inside], model))
-        pair = np.column_stack([measured[signal], motion.imu[:, k]])
+        pair = np.column_stack([measured[signal], answers[:, k]])
         soft = low_pass(pair, recorded.dt_s, how.cutoff, how.order)
         filtered[signal] = (soft[:, 0], soft[:, 1])
         compared.append(_compared(signal, True, soft[:, 0], soft[:, 1]))
     findings += _lifts(motion)
-    drift = find_drift(bicycle, recorded.angles, recorded.dt_s, how.cutoff, how.order, motion)
+    drift = find_drift(bicycle, angles, recorded.dt_s, how.cutoff, how.order, motion)
     return Analysis(
-        recorded, bicycle, told, motion, measured, filtered, tuple(compared), drift, tuple(findings)
-    )
+        recorded, bicycle, told, motion, effects.lean_torque(rig, motion), measured, filtered,
+        tuple(compared), drift, tuple(findings),
+    )  # fmt: skip
 
 
 def _compared(signal: str, filtered: bool, measured: Array, model: Array) -> Compared:

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bicycle.effects import RideEffects
 from hil.bicycle.sensors import IMU_SIGNALS, calibrated
 from hil.config import BicycleFile
 from hil.config.bicycle import BICYCLE, SIGNALS
@@ -55,6 +56,7 @@ class LiveRide:
     def __init__(self, rig: BicycleFile) -> None:
         self._rig = rig
         self._bicycle = pack(rig)
+        self._effects = RideEffects.of(rig).rigid
         self._dt_s = 1.0 / rig.rate
         self._series: dict[str, deque[tuple[float, float]]] = {
             s: deque() for s in (*SIGNALS, *IMU_QUANTITIES)
@@ -104,14 +106,18 @@ class LiveRide:
             self._zero = float(columns[1][0])
         columns[1] = columns[1] - self._zero
         how = self._rig.conditioning
-        told = smooth(np.column_stack(columns), self._dt_s, how.cutoff, how.order)
+        true = self._effects.true_angles(
+            np.asarray(grid, dtype=np.float64), np.column_stack(columns)
+        )
+        told = smooth(true, self._dt_s, how.cutoff, how.order)
         part = slice(before, before + CHUNK + 1)  # the last sample is the next stretch's first
         piece = Smooth(self._dt_s, told.angle[part], told.rate[part], told.acceleration[part])
-        motion = ride(self._bicycle, piece, self._start)
+        motion = self._effects.motion(self._bicycle, piece, self._start)
         last = motion.q[-1]
         self._start = (float(last[0]), float(last[1]), float(last[2]), float(last[7]))
         self._next_s = end
-        off = self._imu_off(start, motion.imu)
+        instants = np.asarray(grid[part], dtype=np.float64)
+        off = self._imu_off(instants, self._effects.imu(instants, motion))
         self._forget(end - WINDOW_S - DELAY_S)
         k = CHUNK
         return LiveState(
@@ -121,9 +127,8 @@ class LiveRide:
             float(motion.friction_demand[k].max()), off,
         )  # fmt: skip
 
-    def _imu_off(self, start_s: float, model: Array) -> dict[str, float]:
+    def _imu_off(self, t: Array, model: Array) -> dict[str, float]:
         out = {}
-        t = start_s + self._dt_s * np.arange(len(model))
         raw = {f"imu.{q}": self._arrays(q) for q in IMU_QUANTITIES if len(self._series[q])}
         for signal, (stamps, values) in calibrated(raw, self._rig.sensors).items():
             inside = (stamps >= t[0]) & (stamps < t[-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from hil.bicycle.effects import RideEffects
 from hil.bicycle.path import Path, u_turns
 from hil.bicycle.sensors import IMU_SIGNALS, Sensor, misaligned, noise_of, through_filter
 from hil.bicycle.world import STEP_S, RideTruth, ride_along
@@ -18,7 +20,6 @@ from hil.configfile import rig_toml
 from hil.errors import RunError
 from hil.runs.folder import RIG_TOML, RunMeta, write_meta
 from hil.runs.table import TableBuilder, signal_order
-from hil.sim.parameters import ParameterTable
 
 Array = NDArray[np.float64]
 
@@ -60,10 +61,7 @@ def simulate_ride(
 def record(rig: BicycleFile, truth: RideTruth, seed: int = 0) -> pd.DataFrame:
     """The table that the bicycle's sensors make of what happened."""
     rng = np.random.default_rng([seed, 1])
-    table = ParameterTable(rig)
-    values = dict(
-        zip((p.name for p in table.entries), table.from_effects(rig.effects), strict=True)
-    )
+    values = RideEffects.of(rig).values
     q, end = truth.q, truth.t_s[-1]
     rolled = q[:, 4] - (q[:, 5] if rig.sensors.encoder_on_frame else 0.0)
     builder = TableBuilder()
@@ -106,7 +104,7 @@ def _record_imu(
     builder: TableBuilder,
     rig: BicycleFile,
     truth: RideTruth,
-    values: dict[str, float],
+    values: Mapping[str, float],
     rng: np.random.Generator,
 ) -> None:
     assert rig.imu is not None

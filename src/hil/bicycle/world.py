@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bicycle.effects import RideEffects
 from hil.bicycle.path import SPACING_M, Path, speed_profile
 from hil.config import BicycleFile
 from hil.errors import KinematicsError
 from hil.rigs.bicycle.forward import simulate_forward
 from hil.rigs.bicycle.parameters import pack
 from hil.rigs.bicycle.ride import static_load
-from hil.sim.parameters import ParameterTable
 
 Array = NDArray[np.float64]
 
@@ -59,15 +60,9 @@ def ride_along(
     how far the rider strays from the path's curvature, 1/m. KinematicsError where it falls.
     """
     rng = np.random.default_rng(seed)
-    table = ParameterTable(rig)
-    values = dict(
-        zip((p.name for p in table.entries), table.from_effects(rig.effects), strict=True)
-    )
-    bicycle = pack(rig).scaled(
-        values["rear_wheel.wheel_radius.scale"],
-        values["front_wheel.wheel_radius.scale"],
-        values["rear_wheel.wheel_slip.coefficient"],
-    )
+    effects = RideEffects.of(rig)
+    values = effects.values
+    bicycle = effects.bicycle(pack(rig))
     fork, tyre = "bicycle.front_suspension", "bicycle.tyre_compliance"
     spring = np.array([values[f"{fork}.stiffness"], *[values[f"{tyre}.stiffness"]] * 2])
     damper = np.array([values[f"{fork}.damping"], *[values[f"{tyre}.damping"]] * 2])
@@ -97,7 +92,7 @@ def ride_along(
     return RideTruth(t, out[0], out[1], out[2], out[3][:, :3], out[3][:, 3])
 
 
-def _rider(rig: BicycleFile, values: dict[str, float]) -> Array:
+def _rider(rig: BicycleFile, values: Mapping[str, float]) -> Array:
     """(7,) as `forward.accelerate` wants it; mass 0 where the rider does not move."""
     name = "bicycle.rider_motion"
     stiffness, gain = values[f"{name}.stiffness"], values[f"{name}.gain"]

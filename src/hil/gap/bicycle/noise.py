@@ -7,11 +7,12 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import welch
 
 from hil.bicycle.sensors import noise_of
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.problem import RideProblem
-from hil.gap.bicycle.twin import LEAN_TORQUE
+from hil.gap.bicycle.twin import LEAN_TORQUE, RideTwin
 from hil.gap.noise import SPIKE, NoiseModel, autoregression
 
 Array = NDArray[np.float64]
@@ -19,6 +20,9 @@ Array = NDArray[np.float64]
 DRAWS: Final = 8
 WINDOW_S: Final = 1.5
 ENVELOPE_S: Final = 0.4
+QUIET_HZ: Final = (4.0, 12.0)
+LOUDEST: Final = (0.7, 3.0)
+"""Bounds of how much louder than its file a sensor is believed to be: beyond, it is a finding."""
 SHARE: Final = 0.15
 """Of a gap's size, that a model of it may be off by."""
 
@@ -27,22 +31,23 @@ def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) ->
     """Draws (D, N) of what noise alone leaves at `vector`: of lean, wheel and steer through the twin, and
     the IMU's own."""
     values = problem.values(vector)
+    louder = [_loudness(twin) for twin in problem.twins]
     drawn = np.empty((DRAWS, problem.size))
     for d in range(DRAWS):
         parts = []
-        for twin in problem.twins:
+        for twin, share in zip(problem.twins, louder, strict=True):
             ride = twin.recorded
             clean = twin.filtered(ride.angles)
             noisy = clean.copy()
             for k, s in enumerate(SIGNALS):
-                noisy[:, k] += _noise(rng, len(noisy), *noise_of(s, twin.rig))
+                noisy[:, k] += share[s] * _noise(rng, len(noisy), *noise_of(s, twin.rig))
             with_noise = twin.answer(values, noisy)
             without = twin.answer(values, clean)
             for s in twin.signals:
                 off = without[s] - with_noise[s]
                 if s != LEAN_TORQUE:
                     stamps = ride.imu[s][0]
-                    own = _noise(rng, len(stamps), *noise_of(s, twin.rig))
+                    own = share[s] * _noise(rng, len(stamps), *noise_of(s, twin.rig))
                     on_grid = np.asarray(np.interp(ride.t_s, stamps, own))
                     off = off + twin.filtered(on_grid)[twin.judged]
                 parts.append(off)
@@ -61,8 +66,9 @@ def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) ->
         terms.append(ar)
         gains.append(gain)
     text = (
-        "noise model: the rig file's noise and rounding of lean, wheel and steer through the ride's "
-        f"equations, and the IMU's own, all through the ride's low-pass; {DRAWS} draws"
+        "noise model: noise and rounding of lean, wheel and steer through the ride's equations, and the "
+        f"IMU's own, all through the ride's low-pass; {DRAWS} draws; as large as the records show it between "
+        f"{QUIET_HZ[0]:g} and {QUIET_HZ[1]:g} Hz, where no rider moves: {_said(louder)} of the rig file's"
     )
     tame = np.clip(drawn, -SPIKE * sigma, SPIKE * sigma)
     return NoiseModel("model", text, tame, sigma, tuple(terms), tuple(gains))
@@ -85,6 +91,32 @@ def tempered(model: NoiseModel, problem: RideProblem, residual: Array) -> NoiseM
         )
         sigma[x.part] = np.sqrt(sigma[x.part] ** 2 + SHARE**2 * power)
     return replace(model, sigma=sigma)
+
+
+def _loudness(twin: RideTwin) -> dict[str, float]:
+    """By signal, what is recorded between QUIET_HZ over what the rig file's noise would be there.
+
+    The median over frequencies: wheels that are not round and pedals make lines, sensors make a floor.
+    """
+    ride = twin.recorded
+    series = {s: (ride.t_s, ride.angles[:, k]) for k, s in enumerate(SIGNALS)} | ride.imu
+    out = {}
+    for s, (t, values) in series.items():
+        rate = 1.0 / float(np.median(np.diff(t)))
+        sigma, step = noise_of(s, twin.rig)
+        expected = 2.0 * (sigma**2 + step**2 / 12.0) / rate
+        width = min(len(values), round(2.0 * rate))
+        hz, power = welch(values, rate, nperseg=width)
+        quiet = (hz > QUIET_HZ[0]) & (hz < QUIET_HZ[1])
+        seen = float(np.median(power[quiet])) if quiet.any() else expected
+        out[s] = float(np.clip(np.sqrt(seen / max(expected, 1e-30)), *LOUDEST))
+    return out
+
+
+def _said(louder: list[dict[str, float]]) -> str:
+    """The range of loudness, in words."""
+    shares = [x for one in louder for x in one.values()]
+    return f"{min(shares):.2f} to {max(shares):.2f} times"
 
 
 def _noise(rng: np.random.Generator, count: int, sigma: float, step: float) -> Array:

@@ -19,24 +19,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.bicycle.effects import RideEffects
+from hil.bicycle.effects import RideEffects, soft_motion, softened
 from hil.bicycle.recorded import Ride
 from hil.bicycle.sensors import IMU_SIGNALS
 from hil.config import BicycleFile
 from hil.errors import KinematicsError
-from hil.rigs.bicycle import Motion, Packed, Smooth, low_pass
-from hil.rigs.bicycle.conditioning import central
+from hil.rigs.bicycle import Motion, Packed
 
 Array = NDArray[np.float64]
 
 LEAN_TORQUE: Final = "bicycle.lean_torque"
 EVERY: Final = 10
 """Samples of the ride to one that is judged: 10 Hz carry what the low-pass leaves."""
-PASSES: Final = 2
-"""Of the ride's low-pass over everything: accelerations are second differences and need as much."""
-SOFTER: Final = 0.3
-"""Of the ride's cutoff: noise of an encoder's second differences shakes a sprung twin as no road shook the
-bicycle, and what a rider does lies below."""
 EDGE_S: Final = 1.4
 """Of either end, which a zero-phase filter makes up."""
 FREE_M_S: Final = 2.5
@@ -72,20 +66,16 @@ class RideTwin:
 
     def filtered(self, values: Array) -> Array:
         """(N, ...) through the low-pass of angles and IMU: the ride's own, softer, twice."""
-        how = self.rig.conditioning
         columns = values[:, None] if values.ndim == 1 else values
-        for _ in range(PASSES):
-            columns = low_pass(columns, self.recorded.dt_s, SOFTER * how.cutoff, how.order)
+        columns = softened(self.rig, self.recorded.dt_s, columns)
         return columns[:, 0] if values.ndim == 1 else columns
 
     def motion(self, values: Mapping[str, float], angles: Array | None = None) -> Motion:
         """The ride with effects; `angles` instead of the recorded ones."""
         told = self.recorded.angles if angles is None else angles
         effects = RideEffects(values)
-        angle = self.filtered(effects.true_angles(self.recorded.t_s, told))
-        rate = central(angle, self.recorded.dt_s)
-        acceleration = central(rate, self.recorded.dt_s)
-        return effects.motion(self.bicycle, Smooth(self.recorded.dt_s, angle, rate, acceleration))
+        true = effects.true_angles(self.recorded.t_s, told)
+        return effects.motion(self.bicycle, soft_motion(self.rig, self.recorded.dt_s, true))
 
     def answer(self, values: Mapping[str, float], angles: Array | None = None) -> dict[str, Array]:
         """By signal, what the twin says at the judged rows; NaN where it cannot stand."""

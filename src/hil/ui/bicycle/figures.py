@@ -91,7 +91,7 @@ def torque_figure(a: Analysis) -> go.Figure:
                 ("reduced inertia and drag", t, a.reduced_torque, OTHER, 1.5),
             ],
         ),
-        ("lean torque left, N·m", [("lean torque", t, m.lean_torque, MEASURED, 1.2)]),
+        ("lean torque left, N·m", [("lean torque", t, a.lean_torque, MEASURED, 1.2)]),
     ]
     return _rows(a, rows, 1)
 

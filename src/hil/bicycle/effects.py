@@ -1,0 +1,170 @@
+"""A bicycle's effects as a ride has them: in its sensors, its wheels, its fork and tyres.
+
+One place for analysis, live view and the gap's twin: what a rig file's `effects` say, or any other values of
+the catalogue's parameters, is taken out of lean, wheel and steer, put into the bicycle, and put on what the
+model says that the IMU reads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from hil.bicycle.sensors import IMU_SIGNALS, Sensor, misaligned
+from hil.config import BicycleFile
+from hil.config.bicycle import SIGNALS
+from hil.rigs.bicycle import Motion, Packed, Smooth, low_pass, ride
+from hil.rigs.bicycle.conditioning import central
+from hil.sim.parameters import ParameterTable
+
+Array = NDArray[np.float64]
+
+SPRINGS: Final = ("bicycle.front_suspension.stiffness", "bicycle.tyre_compliance.stiffness")
+PASSES: Final = 2
+"""Of the ride's low-pass over what fork and tyres answer: accelerations are second differences and need as
+much."""
+SOFTER: Final = 0.3
+"""Of the ride's cutoff: noise of an encoder's second differences shakes a sprung twin as no road shook the
+bicycle, and what a rider does lies below."""
+
+
+@dataclass(frozen=True, slots=True)
+class RideEffects:
+    """Parameters of the catalogue by their full names; all of them."""
+
+    values: Mapping[str, float]
+
+    @classmethod
+    def of(cls, rig: BicycleFile) -> RideEffects:
+        """What the rig file's own effects say; ConfigError where they are not the catalogue's."""
+        table = ParameterTable(rig)
+        vector = table.from_effects(rig.effects).tolist()
+        return cls(dict(zip((p.name for p in table.entries), vector, strict=True)))
+
+    def true_angles(self, t_s: Array, told: Array) -> Array:
+        """(N, 3) what lean, wheel and steer were where `told` (N, 3) was measured at t_s (N,)."""
+        return np.column_stack(
+            [Sensor.of(s, self.values).truth(t_s, told[:, k]) for k, s in enumerate(SIGNALS)]
+        )
+
+    def bicycle(self, packed: Packed) -> Packed:
+        """With its wheels as they are."""
+        v = self.values
+        return packed.scaled(
+            v["rear_wheel.wheel_radius.scale"],
+            v["front_wheel.wheel_radius.scale"],
+            v["rear_wheel.wheel_slip.coefficient"],
+        )
+
+    def motion(
+        self,
+        packed: Packed,
+        told: Smooth,
+        start: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+    ) -> Motion:
+        """The ride whose true smooth angles are `told`; KinematicsError as `hil.rigs.bicycle.ride`."""
+        fork, tyre = "bicycle.front_suspension", "bicycle.tyre_compliance"
+        springs, dampers = (
+            tuple(self.values[f"{at}.{p}"] for at in (fork, tyre, tyre))
+            for p in ("stiffness", "damping")
+        )
+        return ride(self.bicycle(packed), told, start, springs, dampers)  # type: ignore[arg-type]
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether fork or tyres move."""
+        return any(np.isfinite(self.values[name]) for name in SPRINGS)
+
+    def added(self, packed: Packed, told: Smooth, soft: Smooth) -> Motion:
+        """`motion` of `told`, what fork and tyres add computed of `soft` angles.
+
+        Noise of an encoder's second differences shakes a sprung bicycle as no road does; what a rider does
+        to springs is slow, and small enough to be added.
+        """
+        whole = self.rigid.motion(packed, told)
+        if not self.gives_way:
+            return whole
+        stiff, sprung = self.rigid.motion(packed, soft), self.motion(packed, soft)
+        parts = {
+            f.name: getattr(whole, f.name) + getattr(sprung, f.name) - getattr(stiff, f.name)
+            for f in fields(whole)
+            if f.name != "dt_s"
+        }
+        return Motion(whole.dt_s, **parts)
+
+    @property
+    def rigid(self) -> RideEffects:
+        """The same with fork and tyres that do not give way: what holds for a piece of a ride, whose springs
+        nobody knows the state of."""
+        return RideEffects({**self.values, **dict.fromkeys(SPRINGS, np.inf)})
+
+    def lean_torque(self, rig: BicycleFile, motion: Motion) -> Array:
+        """(N,) lean torque that nobody explains, N m: the model's less that of the rider's body."""
+        return np.asarray(motion.lean_torque - rider_torque(rig, motion, self.values))
+
+    def imu(self, t_s: Array, motion: Motion) -> Array:
+        """(N, 6) what the IMU, as it is, answers at t_s (N,), on the run's clock."""
+        seen = misaligned(motion.imu, self.values)
+        # stamps of a clock that runs fast are later than the truth
+        at = t_s / (1.0 + self.values["imu.clock_drift.rate"])
+        return np.column_stack(
+            [
+                Sensor.of(s, self.values).answer(t_s, seen[:, k], at)
+                for k, s in enumerate(IMU_SIGNALS)
+            ]
+        )
+
+
+def softened(rig: BicycleFile, dt_s: float, values: Array, share: float = SOFTER) -> Array:
+    """(N, K) through the low-pass of whatever is held against fork and tyres: the ride's, softer, twice."""
+    how = rig.conditioning
+    for _ in range(PASSES):
+        values = low_pass(values, dt_s, share * how.cutoff, how.order)
+    return values
+
+
+def soft_motion(rig: BicycleFile, dt_s: float, angles: Array, share: float = SOFTER) -> Smooth:
+    """(N, 3) true angles softened, with derivatives that no filter touches again."""
+    angle = softened(rig, dt_s, angles, share)
+    rate = central(angle, dt_s)
+    return Smooth(dt_s, angle, rate, central(rate, dt_s))
+
+
+def rider_torque(rig: BicycleFile, motion: Motion, values: Mapping[str, float]) -> Array:
+    """(N,) lean torque on the frame by a rider whose upper body leans against it, N m; first order in lean.
+
+    Upper body as a pendulum on the frame: own a'' + c a' + (k - m h g) a = m h across - k gain theta
+    - lever theta'', and on the frame m h g a - lever a''.
+    """
+    name = "bicycle.rider_motion"
+    stiffness, gain = values[f"{name}.stiffness"], values[f"{name}.gain"]
+    m, h = rig.rider.mass, rig.rider.height
+    if m == 0.0 or (not np.isfinite(stiffness) and gain == 0.0):
+        return np.zeros(len(motion.q))
+    g = rig.mass.gravity
+    lean, bend = motion.q[:, 3], motion.qdd[:, 3]
+    own = rig.rider.inertia + m * h * h
+    lever = own + m * h * (rig.rider.pivot[2] + rig.geometry.R)
+    if not np.isfinite(stiffness):
+        return np.asarray(-gain * (m * h * g * lean - lever * bend))
+    across = g * np.sin(lean) + motion.speed * motion.qd[:, 2] * np.cos(lean)
+    load = m * h * across - stiffness * gain * lean - lever * bend
+    damping, held = values[f"{name}.damping"], stiffness - m * h * g
+    # trapezoidal rule of the pendulum's equation, second order in the step and stable at any stiffness
+    w = 2.0 / motion.dt_s
+    b = np.array([1.0, 2.0, 1.0])
+    a = np.array(
+        [
+            own * w * w + damping * w + held,
+            2.0 * held - 2.0 * own * w * w,
+            own * w * w - damping * w + held,
+        ]
+    )
+    alpha = lfilter(b / a[0], a / a[0], load)
+    swing = (load - damping * np.gradient(alpha, motion.dt_s) - held * alpha) / own
+    return np.asarray(m * h * g * alpha - lever * swing)
