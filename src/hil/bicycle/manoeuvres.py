@@ -27,31 +27,32 @@ class Manoeuvre:
     vigour: float = 1.0
     """Of pulling away (1 m/s²) and braking (1.6 m/s²), as a factor."""
 
-    def ride(self, rig: BicycleFile, seed: int = 0) -> SimulatedRide:
+    def ride(self, rig: BicycleFile, seed: int = 0, *, road_m: float = 0.0) -> SimulatedRide:
         """A simulated ride of `rig`, with its file's effects; KinematicsError where it falls."""
         return simulate_ride(
-            rig, self.path(), seed, cruise=self.cruise, turning=self.turning, vigour=self.vigour
-        )
+            rig, self.path(), seed, cruise=self.cruise, turning=self.turning, road_m=road_m,
+            vigour=self.vigour,
+        )  # fmt: skip
 
 
 MANOEUVRES: Final = (
     Manoeuvre(
-        "round trip",
-        "ride 35 m straight at 5 m/s, turn round to the left on 6 m of radius at 3.6 m/s, ride back, turn "
+        "u-turns",
+        "ride 50 m straight at 5 m/s, turn round to the left on 6 m of radius at 3.6 m/s, ride back, turn "
         "round again and stop where you began",
-        lambda: u_turns(35.0),
+        u_turns,
         5.0,
         3.6,
     ),
     Manoeuvre(
         "slalom",
-        "ride 80 m at 5 m/s round marks 9 m apart, at 4 m/s between them",
-        lambda: slalom(80.0),
+        "ride 100 m round marks 9 m apart, at 3.6 m/s between them",
+        slalom,
         5.0,
-        4.0,
+        3.6,
     ),
     Manoeuvre(
-        "wide slalom",
+        "wide-slalom",
         "ride 110 m at 6 m/s round marks 14 m apart without slowing down",
         lambda: slalom(110.0, 28.0, 18.0),
         6.0,
@@ -60,12 +61,12 @@ MANOEUVRES: Final = (
     Manoeuvre(
         "surges",
         "ride 90 m straight, every 22 m up to 5 m/s and down to 2.5 m/s, gently",
-        lambda: surges(90.0),
+        surges,
         5.0,
         3.6,
     ),
     Manoeuvre(
-        "hard surges",
+        "hard-surges",
         "ride 90 m straight, every 15 m pull hard up to 5 m/s and brake hard down to 2.3 m/s",
         lambda: surges(90.0, 15.0),
         5.0,
@@ -73,28 +74,28 @@ MANOEUVRES: Final = (
         2.0,
     ),
     Manoeuvre(
-        "figure of eight",
+        "eight",
         "ride a circle of 6 m radius to the left and one to the right at 3.6 m/s",
         eight,
         4.5,
         3.6,
     ),
     Manoeuvre(
-        "wide figure of eight",
+        "wide-eight",
         "ride a circle of 12 m radius to the left and one to the right at 5 m/s",
         lambda: eight(12.0, 6.0),
         5.5,
         5.0,
     ),
     Manoeuvre(
-        "straight on",
+        "straight",
         "ride 100 m straight at a steady 5 m/s, hands quiet; stop gently",
         lambda: surges(100.0, 1000.0),
         5.0,
         3.6,
     ),
 )  # fmt: skip
-"""The catalogue that `hil gap next` chooses from."""
+"""What `hil bicycle simulate` rides and `hil gap next` chooses from."""
 
 
 def manoeuvre(name: str) -> Manoeuvre:

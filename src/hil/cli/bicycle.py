@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,16 +10,16 @@ import typer
 from rich.table import Column, Table
 
 from hil.bicycle.analysis import Analysis, analyse
-from hil.bicycle.path import Path as RidePath
-from hil.bicycle.path import slalom, u_turns
+from hil.bicycle.manoeuvres import MANOEUVRES, manoeuvre
 from hil.bicycle.recorded import Ride, prepare
-from hil.bicycle.simulated import save, simulate_ride
+from hil.bicycle.simulated import save
 from hil.cli.bicycle_record import (
     calibrate_command,
     nodes_command,
     press_command,
     record_command,
 )
+from hil.cli.bicycle_weave import weave_command
 from hil.cli.console import JsonFlag, err, out, write_json
 from hil.config import BicycleFile
 from hil.configfile import find_rig_file, load_bicycle
@@ -37,6 +37,7 @@ app.command("record")(record_command)
 app.command("nodes")(nodes_command)
 app.command("press")(press_command)
 app.command("calibrate")(calibrate_command)
+app.command("weave")(weave_command)
 
 RigOption = Annotated[
     str | None,
@@ -45,13 +46,6 @@ RigOption = Annotated[
 BicycleArgument = Annotated[
     str, typer.Argument(metavar="RIG", help="A bicycle's file, or its name.")
 ]
-
-
-class Track(StrEnum):
-    """Where a simulated rider goes."""
-
-    u_turns = "u-turns"
-    slalom = "slalom"
 
 
 @app.callback()
@@ -103,9 +97,15 @@ def check(rig: BicycleArgument, json: JsonFlag = False) -> None:
 def simulate(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="The run folder to make.")],
     rig: Annotated[str, typer.Option("--rig", help="The bicycle's file, or its name.")] = "bicycle",
-    track: Annotated[Track, typer.Option(help="Where the rider goes.")] = Track.u_turns,
-    cruise: Annotated[float, typer.Option(min=2.0, max=9.0, help="Speed on straights, m/s.")] = 5.0,
-    turning: Annotated[float, typer.Option(min=2.0, max=7.0, help="Speed in turns, m/s.")] = 3.6,
+    track: Annotated[
+        str, typer.Option(help=f"What is ridden: {', '.join(m.name for m in MANOEUVRES)}.")
+    ] = "u-turns",
+    cruise: Annotated[
+        float | None, typer.Option(min=2.0, max=9.0, help="Speed on straights, m/s.")
+    ] = None,
+    turning: Annotated[
+        float | None, typer.Option(min=2.0, max=7.0, help="Speed in turns, m/s.")
+    ] = None,
     road: Annotated[
         float,
         typer.Option(min=0.0, max=0.02, help="Unevenness of the road, m (standard deviation)."),
@@ -122,9 +122,10 @@ def simulate(
 ) -> None:
     """Ride a bicycle that is not there, and record it as its sensors would."""
     bicycle = with_effects(load_bicycle(rig), effect or [])
-    path: RidePath = u_turns() if track is Track.u_turns else slalom()
-    ride = simulate_ride(bicycle, path, seed, cruise=cruise, turning=turning, road_m=road)
-    save(ride, folder, f"simulated ride: {track.value}, seed {seed}")
+    told = manoeuvre(track)
+    way = replace(told, cruise=cruise or told.cruise, turning=turning or told.turning)
+    ride = way.ride(bicycle, seed, road_m=road)
+    save(ride, folder, f"simulated ride: {track}, seed {seed}")
     err.print(f"{folder}: {ride.truth.t_s[-1]:.1f} s recorded", markup=False, soft_wrap=True)
 
 

@@ -12,11 +12,12 @@ import typer
 from rich.table import Column, Table
 
 from hil.cli.console import err, out
-from hil.config import AnyRig, BicycleFile, RigFile
+from hil.config import AnyRig, BicycleFile
 from hil.configfile import load_any_rig
 from hil.errors import IdentificationError, RunError
 from hil.gap import Cause, Diagnosis
 from hil.gap.bicycle import diagnose_any
+from hil.gap.bicycle.next import propose_ride
 from hil.gap.next import next_experiment
 from hil.runs import load_run
 from hil.sim.parameters import ParameterTable
@@ -75,7 +76,7 @@ def diagnose(
         seed=seed,
         report=Steps(),
     )
-    if propose and found.verdict == "ambiguous" and not isinstance(settings, BicycleFile):
+    if propose and found.verdict == "ambiguous":
         found = with_proposal(found, settings, seed)
     if json is not None and str(json) == "-":
         typer.echo(found.to_json().decode())
@@ -88,11 +89,14 @@ def diagnose(
         err.print(f"page: {report}", soft_wrap=True, markup=False)
 
 
-def with_proposal(found: Diagnosis, rig: RigFile, seed: int) -> Diagnosis:
+def with_proposal(found: Diagnosis, rig: AnyRig, seed: int) -> Diagnosis:
     """The same diagnosis with the experiment that would split its candidates, where one can be found."""
     err.print("looking for a motion that splits what is left", markup=False)
     try:
-        proposal = next_experiment(found.tables(), rig, seed)
+        if isinstance(rig, BicycleFile):
+            proposal = propose_ride(found.tables(), rig, seed=seed).table()
+        else:
+            proposal = next_experiment(found.tables(), rig, seed)
     except IdentificationError as error:
         err.print(f"no experiment: {error}", style="yellow", markup=False, soft_wrap=True)
         return found

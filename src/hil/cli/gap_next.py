@@ -10,8 +10,10 @@ import typer
 from rich.table import Table
 
 from hil.cli.console import err, out, write_json
-from hil.configfile import load_rig
+from hil.config import BicycleFile
+from hil.configfile import load_any_rig
 from hil.errors import RunError
+from hil.gap.bicycle.next import RideProposal, propose_ride, write_ride_proposal
 from hil.gap.next import Proposal, propose, write_proposal
 
 
@@ -36,8 +38,15 @@ def next_experiment(
     seed: Annotated[int, typer.Option(min=0, help="Of the motions that are drawn.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")] = False,
 ) -> None:
-    """Find the motion within the rig's limits that best tells the remaining candidates apart."""
-    settings = load_rig(rig)
+    """Find the motion within the rig's limits that best tells the remaining candidates apart.
+
+    For a bicycle it is a manoeuvre of its catalogue: an instruction for the rider, and beside it a simulated
+    ride for each candidate, to hold the real one against.
+    """
+    settings = load_any_rig(rig)
+    if isinstance(settings, BicycleFile):
+        _ride(diagnosis, settings, rig, to, seed, as_json)
+        return
     with err.status("drawing motions") as status:
         found = propose(
             _read(diagnosis), settings, seconds=seconds, count=count, payload=payload, seed=seed,
@@ -53,6 +62,22 @@ def next_experiment(
         out.print("and again with the payload bolted on: --weighed", markup=False, soft_wrap=True)
 
 
+def _ride(diagnosis: Path, rig: BicycleFile, name: str, to: Path, seed: int, as_json: bool) -> None:
+    with err.status("riding") as status:
+        found = propose_ride(_read(diagnosis), rig, seed=seed, report=status.update)
+        folders = write_ride_proposal(to, found, seed)
+    if as_json:
+        simulated = [str(f) for f in folders]
+        write_json({**found.table(), "file": str(to), "simulated": simulated})
+        return
+    _show(found)
+    for folder in folders:
+        out.print(f"a simulated ride: {folder}", markup=False, soft_wrap=True)
+    out.print(
+        f"ride it, then: hil gap diagnose RUN... RIDE --rig {name}", markup=False, soft_wrap=True
+    )
+
+
 def _read(path: Path) -> dict[str, Any]:
     try:
         tables = json.loads(path.read_bytes())
@@ -65,7 +90,7 @@ def _read(path: Path) -> dict[str, Any]:
     return tables
 
 
-def _show(found: Proposal) -> None:
+def _show(found: Proposal | RideProposal) -> None:
     names = [c.name for c in found.candidates]
     table = Table("were it", "now", *(f"then {n}" for n in names))
     for k, c in enumerate(found.candidates):

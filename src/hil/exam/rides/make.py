@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from hil.bicycle.manoeuvres import Manoeuvre, manoeuvre
+from hil.bicycle.manoeuvres import Manoeuvre
+from hil.bicycle.path import eight, slalom, surges, u_turns
 from hil.config import BicycleFile, Effect
 from hil.configfile import load_bicycle, parse_settings
 from hil.exam.case import write_case
@@ -25,7 +26,12 @@ if TYPE_CHECKING:
 
 Rng = np.random.Generator
 
-FAMILIES: Final = ("round trip", "slalom", "surges", "figure of eight")
+FAMILIES: Final = (
+    Manoeuvre("round trip", "there and back", lambda: u_turns(35.0), 5.0, 3.6),
+    Manoeuvre("slalom", "round marks", lambda: slalom(80.0, 17.0), 5.0, 4.0),
+    Manoeuvre("surges", "straight on, faster and slower", lambda: surges(80.0, 20.0), 5.0, 3.6),
+    Manoeuvre("eight", "a circle to either side", lambda: eight(6.5), 4.5, 3.6),
+)
 COUNTS: Final = {"none": 0, "double": 2, "triple": 3}
 TRIES: Final = 6
 WHEELS: Final = frozenset({"wheel_radius", "wheel_slip"})
@@ -39,7 +45,7 @@ def make_ride(
     rig = draw_bicycle(rng)
     scatter = int(rng.integers(2**31))
     count = int(rng.choice([1, 2, 3], p=[0.25, 0.5, 0.25]))
-    ways = [manoeuvre(str(f)) for f in rng.permutation(FAMILIES)[:count]]
+    ways = [FAMILIES[k] for k in rng.permutation(len(FAMILIES))[:count]]
     seeds = [int(rng.integers(2**31)) for _ in range(count + 1)]
     asked = float(rng.choice(order.severities))
     effects: tuple[Effect, ...] = ()
@@ -52,7 +58,7 @@ def make_ride(
         (way, seed, "diagnose") for way, seed in zip(ways, seeds, strict=False)
     ]
     if rng.random() < 0.3:
-        healthy = (manoeuvre(str(rng.choice(FAMILIES))), seeds[-1], "reference")
+        healthy = (FAMILIES[rng.integers(len(FAMILIES))], seeds[-1], "reference")
         plays.insert(int(rng.integers(len(plays) + 1)), healthy)
     tables: list[tuple[Any, str, None]] = []
     for way, seed, role in plays:

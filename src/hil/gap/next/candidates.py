@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config import RigFile
+from hil.config import AnyRig
 from hil.errors import IdentificationError
 from hil.sim.parameters import ParameterTable
 
@@ -41,7 +41,7 @@ class Candidate:
 
 
 def read_candidates(
-    tables: Mapping[str, Any], rig: RigFile
+    tables: Mapping[str, Any], rig: AnyRig
 ) -> tuple[list[Candidate], dict[str, float]]:
     """Candidates of a diagnosis (format hil-diagnosis/1), best first, and the values that all of them share.
 

@@ -21,7 +21,7 @@ from hil.gap.evidence import RANGE, TEMPER
 from hil.gap.next.candidates import Candidate, vector_of
 from hil.gap.next.sketches import Sketch
 from hil.gap.noise import NoiseModel, find_noise
-from hil.gap.nuisances import default_nuisances
+from hil.gap.nuisances import Nuisance, default_nuisances
 from hil.gap.problem import Problem
 from hil.identify.replay import Stretch
 from hil.rigs import Manipulator
@@ -130,6 +130,18 @@ def split_of(
         return None
     noise = find_noise(problem, vectors[0], rng, count=2)
     nuisances = default_nuisances(rig, problem.signals)
+    return split_between(problem, noise, nuisances, candidates, vectors, answers)
+
+
+def split_between(
+    problem: Problem,
+    noise: NoiseModel,
+    nuisances: Sequence[Nuisance],
+    candidates: Sequence[Candidate],
+    vectors: Sequence[Array],
+    answers: Array,
+) -> Split:
+    """The split of a motion that is a `problem`: `answers` (C, N) of each candidate's twin, at `vectors`."""
     white = noise.whiten(problem, answers.T)
     bank = problem.jacobian([n.name for n in nuisances], vectors[0], answers[0])
     A = noise.whiten(problem, bank) * np.array([n.sd for n in nuisances])

@@ -1,0 +1,168 @@
+"""Which manoeuvre next: the one of the catalogue whose ride would best split the candidates that are left.
+
+No rig moves: what comes out is a sentence for the rider, and simulated rides, one a candidate, to hold the
+real one against. Each manoeuvre is ridden once by the simulated rider; the twin with each candidate answers
+that ride, and what the others and the nuisances cannot make up for tells them apart, as in `hil.gap.next`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+import tomlkit
+
+from hil.bicycle.manoeuvres import MANOEUVRES, Manoeuvre
+from hil.bicycle.recorded import prepare
+from hil.bicycle.simulated import save
+from hil.config import BicycleFile
+from hil.errors import IdentificationError, KinematicsError, RunError
+from hil.gap.bicycle.leaves import ride_nuisances
+from hil.gap.bicycle.noise import ride_noise
+from hil.gap.bicycle.problem import RideProblem
+from hil.gap.next.candidates import Candidate, read_candidates, vector_of
+from hil.gap.next.score import Split, split_between
+from hil.runs import Run, RunMeta
+from hil.runs.table import check_table
+
+USUAL: Final = "u-turns"
+"""What one rides who asks nothing in particular."""
+
+
+@dataclass(frozen=True, slots=True)
+class RideProposal:
+    """The manoeuvre to ride, and what it is expected to tell."""
+
+    manoeuvre: Manoeuvre
+    duration_s: float
+    split: Split
+    usual: Split | None
+    """What the ride that one would take anyway tells."""
+    candidates: tuple[Candidate, ...]
+    tried: int
+    rig: BicycleFile
+
+    @property
+    def sentence(self) -> str:
+        """What to ride, what it splits, what to expect."""
+        names = [c.name for c in self.candidates]
+        pairs = [f"{names[a]} from {names[b]}" for a, b in self.split.apart()]
+        if not pairs:
+            return (
+                f"No manoeuvre splits {', '.join(names)} with these sensors; the best of {self.tried} is "
+                f"{self.manoeuvre.name}. Another sensor is needed."
+            )
+        usual = (
+            ""
+            if self.usual is None
+            else f" ({USUAL.replace('-', ' ')}: {100.0 * self.usual.right:.0f} %)"
+        )
+        text = self.manoeuvre.instruction
+        return (
+            f"{text[0].upper()}{text[1:]} ({self.manoeuvre.name}, {self.duration_s:.0f} s): it tells "
+            f"{'; '.join(pairs)}. Expected probability of the true one after it: "
+            f"{100.0 * self.split.right:.0f} %{usual}."
+        )
+
+    def table(self) -> dict[str, Any]:
+        """The diagnosis file's `next_experiment`."""
+        names = [c.name for c in self.candidates]
+        return {
+            "sentence": self.sentence, "kind": "ride", "motion": self.manoeuvre.name,
+            "instruction": self.manoeuvre.instruction, "duration_s": self.duration_s, "payload": None,
+            "candidates": names,
+            "splits": [[names[a], names[b]] for a, b in self.split.apart()],
+            "expected_probability": self.split.right, "expected_entropy": self.split.entropy,
+            "generic_probability": None if self.usual is None else self.usual.right,
+            "tried": self.tried,
+        }  # fmt: skip
+
+
+def propose_ride(
+    tables: Mapping[str, Any],
+    rig: BicycleFile,
+    *,
+    seed: int = 0,
+    report: Callable[[str], None] | None = None,
+    manoeuvres: Sequence[Manoeuvre] = MANOEUVRES,
+) -> RideProposal:
+    """The best of `manoeuvres` for the candidates of a ride's diagnosis (format hil-diagnosis/1).
+
+    IdentificationError where fewer than two candidates are left, or none can be ridden.
+    """
+    say = report or (lambda _: None)
+    candidates, shared = read_candidates(tables, rig)
+    signals = tuple(tables["gap"]["signals"])
+    found: list[tuple[float, Manoeuvre, float, Split]] = []
+    for m in manoeuvres:
+        say(f"{m.name}: {m.instruction}")
+        try:
+            problem = _ridden(m, rig, signals, seed)
+        except KinematicsError:  # this bicycle falls
+            continue
+        vectors = [vector_of(c, shared, problem.base, problem.table) for c in candidates]
+        answers = problem.answers(np.array(vectors))
+        if not np.all(np.isfinite(answers)):
+            continue
+        noise = ride_noise(problem, vectors[0], np.random.default_rng(seed))
+        split = split_between(
+            problem, noise, ride_nuisances(rig, problem), candidates, vectors, answers
+        )
+        first, last = problem.pieces[0].span_s
+        found.append((split.entropy, m, last - first, split))
+    if not found:
+        raise IdentificationError(f"{rig.name}: none of the manoeuvres can be ridden")
+    _, best, duration_s, split = min(found, key=lambda x: x[0])
+    usual = next((s for _, m, _, s in found if m.name == USUAL), None)
+    return RideProposal(best, duration_s, split, usual, tuple(candidates), len(found), rig)
+
+
+def _ridden(m: Manoeuvre, rig: BicycleFile, signals: Sequence[str], seed: int) -> RideProblem:
+    ride = m.ride(rig, seed)
+    kept = [c for c in ride.table.columns if not str(c).startswith("imu.") or c in signals]
+    table = check_table(ride.table[kept], m.name, rig)
+    run = Run(Path(m.name), RunMeta(rig=rig.name, mode="ride"), None, table, pd.DataFrame({"t": []}),
+              (), None, rig)  # fmt: skip
+    return RideProblem(rig, [prepare(run, rig)])
+
+
+def write_ride_proposal(path: Path, proposal: RideProposal, seed: int = 0) -> list[Path]:
+    """Write the instruction to `path` (TOML) and beside it a simulated ride for each candidate.
+
+    Returns the run folders. RunError where the disk refuses or a folder is there already.
+    """
+    doc = tomlkit.document()
+    doc.add(tomlkit.comment("What to ride next, by hil gap next."))
+    m = proposal.manoeuvre
+    doc.update(
+        {
+            "sentence": proposal.sentence, "rig": proposal.rig.name, "manoeuvre": m.name,
+            "instruction": m.instruction, "cruise": m.cruise, "turning": m.turning, "vigour": m.vigour,
+        }
+    )  # fmt: skip
+    folders = []
+    for c in proposal.candidates:
+        folder = path.with_name(f"{path.stem}_{c.location}_{c.effect}".replace(".", "_"))
+        save(m.ride(_with(proposal.rig, c), seed), folder, f"simulated: {m.name} with {c.name}")
+        folders.append(folder)
+    doc["simulated"] = {c.name: f.name for c, f in zip(proposal.candidates, folders, strict=True)}
+    try:
+        path.write_text(tomlkit.dumps(doc), encoding="utf-8")
+    except OSError as error:
+        raise RunError(f"{path}: cannot be written: {error.strerror}") from error
+    return folders
+
+
+def _with(rig: BicycleFile, c: Candidate) -> BicycleFile:
+    """The bicycle with a candidate's effect instead of its file's own of that name."""
+    tables = rig.model_dump()
+    others = [
+        e for e in tables["effects"] if (e["effect"], e["location"]) != (c.effect, c.location)
+    ]
+    parameters = {name.rpartition(".")[2]: value for name, value in c.values.items()}
+    mine = {"effect": c.effect, "location": c.location, "parameters": parameters}
+    return BicycleFile.model_validate({**tables, "effects": [*others, mine]})
