@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.daemon.core.schedule import CYCLE, Due, Schedule
+from hil.daemon.core.schedule import CYCLE, SYNC, Due, Schedule
 
 
 def schedule():
@@ -50,6 +50,16 @@ def test_an_unfinished_cycle_is_dropped_for_the_present_one():
     due = s.take(10.0201)
     assert slots(due) == [CYCLE, 0]
     assert due[0].due_s == pytest.approx(10.02)
+
+
+def test_setpoints_that_come_after_the_next_sync_is_due_are_missed():
+    s = Schedule(10.0, 0.01, 0.0, 2, synchronous=True)
+    assert slots(s.take(10.009)) == [SYNC]
+    assert slots(s.take(10.0101)) == [SYNC], "reading answers took until the next cycle"
+    assert (s.cycles, s.overruns, s.missed_in_a_row) == (1, 1, 1)
+    assert slots(s.take(10.0102)) == [CYCLE, 0, 1]
+    assert slots(s.take(10.02)) == [SYNC]
+    assert s.missed_in_a_row == 0
 
 
 def test_slots_that_do_not_fit_are_refused():

@@ -75,6 +75,7 @@ class RigCore:
         self._cycle_s = NAN
         self._unreported = 0
         self._lateness_s = 0.0
+        self._woken_s = start_s
         self._reported = ""
         self.start_at(start_s)
         self._refused_now = False
@@ -176,6 +177,7 @@ class RigCore:
         frames: list[Frame] = []
         for due in self._schedule.take(now_s):
             if due.slot == SYNC:
+                self._woken_s = now_s
                 frames += self._link.sync(now_s)
             elif due.slot == CYCLE:
                 frames += self._begin_cycle(now_s, due)
@@ -199,6 +201,8 @@ class RigCore:
     def _begin_cycle(self, now_s: float, due: Due) -> list[Frame]:
         self._unreported += 1
         is_turn = self._unreported >= self._motion.shaping_cycles
+        if not self._link.drives.is_synchronous:
+            self._woken_s = now_s
         self._motion.observe(now_s, is_needed=is_turn)
         frames = self._link.begin(now_s)
         self._note(self._link.drives.take_events())
@@ -279,7 +283,7 @@ class RigCore:
                     DriveRecord(now_s, i, status.phase.value, status.enabled, status.error or "")
                 )
         period_s, self._cycle_s = now_s - self._cycle_s, now_s
-        self._lateness_s = max(self._lateness_s, now_s - due.due_s)
+        self._lateness_s = max(self._lateness_s, self._woken_s - due.due_s)
         if self._unreported < self._motion.shaping_cycles and self.state == self._reported:
             return
         self._unreported, self._reported = 0, self.state

@@ -25,7 +25,8 @@ class Schedule:
     """Cycle k begins at start + k·cycle; the slot of drive i `i * stagger_s` later.
 
     With `synchronous` a SYNC is due with each cycle, in a call of its own: what follows has to be reckoned
-    first, and SYNC must not wait for that.
+    first, and SYNC must not wait for that. Where the rest of a cycle comes so late that the next one has
+    begun, it is missed: its setpoints would crowd the next one's.
     """
 
     def __init__(
@@ -49,7 +50,7 @@ class Schedule:
         self.overruns = 0
         self.missed_in_a_row = 0
         self._first = SYNC if synchronous else CYCLE
-        self._k = 0
+        self._k = self._unsent = 0
         self._next = self._first
 
     @property
@@ -61,6 +62,9 @@ class Schedule:
         """All that is due at `now_s`, in order."""
         due: list[Due] = []
         while (due_s := self.next_due_s) <= now_s:
+            if self._next == CYCLE != self._first and now_s - due_s >= self.cycle_s:
+                self._miss()
+                continue
             if self._next == self._first:
                 if due and self._first == SYNC:
                     return due
@@ -69,7 +73,7 @@ class Schedule:
             due.append(Due(self._next, due_s))
             self._next += 1
             if self._next == self.slots:
-                self._k, self._next = self._k + 1, self._first
+                self._k, self._next, self._unsent = self._k + 1, self._first, 0
             if due[-1].slot == SYNC:
                 return due
         return due
@@ -78,8 +82,14 @@ class Schedule:
         gone = int((now_s - self._due_s(self._k, SYNC)) / self.cycle_s)
         self._k += gone
         self.overruns += gone
-        self.missed_in_a_row = gone
+        self.missed_in_a_row = self._unsent + gone
         self.cycles += 1
+
+    def _miss(self) -> None:
+        self._k, self._next = self._k + 1, self._first
+        self._unsent += 1
+        self.cycles -= 1
+        self.overruns += 1
 
     def _due_s(self, k: int, slot: int) -> float:
         return self.start_s + k * self.cycle_s + max(slot, 0) * self.stagger_s
