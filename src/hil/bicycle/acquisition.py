@@ -22,10 +22,11 @@ SILENT_S = 1.0
 
 @dataclass(slots=True)
 class Told:
-    """What a person should hear: one sentence, and the state where there is one."""
+    """What a person should hear: one sentence, the event that it is, and the state where there is one."""
 
     text: str = ""
     state: LiveState | None = None
+    event: Event | None = None
 
 
 class Acquisition:
@@ -123,7 +124,7 @@ class Acquisition:
     def _event(self, event: Event) -> None:
         if self._recorder is not None:
             self._recorder.event(event)
-        self._tell(Told(event.text))
+        self._tell(Told(event.text, event=event))
 
 
 async def acquire(

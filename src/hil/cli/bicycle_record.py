@@ -18,9 +18,10 @@ from hil.bicycle.acquisition import Acquisition, Told, acquire
 from hil.bicycle.calibration import calibrate
 from hil.bicycle.live import LiveState
 from hil.bicycle.nodes import frames_of, play
+from hil.bicycle.remote import RemoteControl
 from hil.bicycle.simulated import simulate_ride
 from hil.bus.hub import Hub
-from hil.bus.port import open_port
+from hil.bus.port import BusPort, open_port
 from hil.cli.console import err, out
 from hil.cli.options import CanOption, RunsOption
 from hil.configfile import load_bicycle, rig_toml
@@ -48,18 +49,46 @@ def record_command(
     ] = None,
     wait: Annotated[
         bool,
-        typer.Option("--wait", help="Wait for the panel's start button, or `hil bicycle press`."),
+        typer.Option(
+            "--wait", help="Wait for the panel's start button, `hil bicycle press`, or a client."
+        ),
     ] = False,
     live: Annotated[bool, typer.Option(help="Compute the ride while it is ridden.")] = True,
+    remote: Annotated[
+        bool | None,
+        typer.Option(
+            "--zenoh/--no-zenoh",
+            help="Take `hil command RIG record on|off` over Zenoh too; default: with --wait.",
+        ),
+    ] = None,
 ) -> None:
-    """Record rides from the sensor nodes: each start and stop of the panel makes a run of its own."""
+    """Record rides from the sensor nodes: each start and stop, of the panel or a client, makes a run."""
     bicycle = load_bicycle(rig)
     url = can or bicycle.can.url
     folder = runs or Path(bicycle.recording.folder)
-    acquisition = Acquisition(bicycle, folder, _teller(), live=live)
+    on_terminal = _teller()
+    listeners: list[Callable[[Told], None]] = [on_terminal]
+
+    def tell(told: Told) -> None:
+        for listener in listeners:
+            listener(told)
+
+    acquisition = Acquisition(bicycle, folder, tell, live=live)
+
+    async def serve(port: BusPort) -> None:
+        async with contextlib.AsyncExitStack() as stack:
+            if wait if remote is None else remote:
+                control = RemoteControl(bicycle, acquisition, time.monotonic)
+                stack.callback(control.close)
+                control.open()
+                listeners.append(control.hear)
+                where = ", ".join(bicycle.zenoh.listen) or bicycle.zenoh.config
+                err.print(f"hil command {rig} record on, at {where}", markup=False, soft_wrap=True)
+            await acquire(acquisition, port, time.monotonic, seconds, wait=wait)
+
     port = open_port(url, bitrate_bps=bicycle.can.bitrate)
     with contextlib.closing(port), contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(acquire(acquisition, port, time.monotonic, seconds, wait=wait))
+        asyncio.run(serve(port))
     for path in acquisition.paths:
         out.print(str(path), markup=False, soft_wrap=True)
 

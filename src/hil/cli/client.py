@@ -10,7 +10,7 @@ from rich.live import Live
 
 from hil.cli.console import JsonFlag, RigArgument, err, out, write_json
 from hil.client import ENDPOINT, RigClient
-from hil.configfile import load_rig
+from hil.configfile import load_any_rig, load_rig
 from hil.messages import encode
 from hil.ui.live import LiveView
 
@@ -37,7 +37,7 @@ def command(
     """Give a running rig a command and say what it answered. Exit code 1 if it refused."""
     if name not in COMMANDS:
         raise typer.BadParameter(f"{name!r} is none of {', '.join(COMMANDS)}", param_hint="COMMAND")
-    with RigClient(load_rig(rig).name, endpoint) as client:
+    with RigClient(load_any_rig(rig).name, endpoint) as client:
         reply = client.command(name, **_arguments(name, argument))
     if json:
         write_json({"ok": reply.ok, "message": reply.message})

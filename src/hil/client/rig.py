@@ -96,7 +96,7 @@ class RigClient:
         for reply in self._session.get(self._key("schema/cue"), timeout=self._timeout_s):
             if reply.ok is not None:
                 schema = json.loads(reply.ok.payload.to_bytes())
-                pose = schema["properties"]["poses"]["items"]["properties"]
+                pose = schema["properties"]["poses"]["items"].get("properties", {})
                 return tuple(key for key in pose if key != "dt")
         raise RigNotReached(f"{self.rig}: no rig of this name answers at {self._endpoint}")
 

@@ -18,7 +18,7 @@ from typing import Any, Final
 import zenoh
 
 from hil.client import zenoh_config
-from hil.config import RigFile
+from hil.config import AnyRig
 from hil.errors import ConfigError, RigInUse
 from hil.messages import LARGEST_PAYLOAD
 
@@ -66,7 +66,7 @@ class Inbox:
 class RigSession:
     """One rig on Zenoh. Opened on the loop's thread; every handler is called on that thread."""
 
-    def __init__(self, rig: RigFile) -> None:
+    def __init__(self, rig: AnyRig) -> None:
         """RigInUse if the endpoint is taken, ConfigError if it cannot be opened."""
         self._prefix = f"hil/{rig.name}"
         self._schemas: dict[str, bytes] = {}
@@ -177,7 +177,7 @@ def client_identity(name: bytes, zid: str) -> str:
     return f"{text[:20].encode()[:20].decode(errors='ignore')}{session}" or "anonymous"
 
 
-def _open(rig: RigFile) -> Any:
+def _open(rig: AnyRig) -> Any:
     settings = rig.zenoh
     where = ", ".join((*settings.listen, *settings.connect)) or settings.config
     given_up_s = time.monotonic() + LEAVING_S

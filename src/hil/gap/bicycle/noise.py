@@ -14,6 +14,7 @@ from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.twin import LEAN_TORQUE, RideTwin
 from hil.gap.noise import SPIKE, NoiseModel, autoregression
+from hil.rigs.bicycle import low_pass
 
 Array = NDArray[np.float64]
 
@@ -21,6 +22,8 @@ DRAWS: Final = 8
 WINDOW_S: Final = 1.5
 ENVELOPE_S: Final = 0.4
 QUIET_HZ: Final = (4.0, 12.0)
+SLOW_HZ: Final = 2.5
+"""Taken out before: a wheel that turns is a ramp, whose spectrum has no end."""
 LOUDEST: Final = (0.7, 3.0)
 """Bounds of how much louder than its file a sensor is believed to be: beyond, it is a finding."""
 SHARE: Final = 0.15
@@ -105,6 +108,7 @@ def _loudness(twin: RideTwin) -> dict[str, float]:
         rate = 1.0 / float(np.median(np.diff(t)))
         sigma, step = noise_of(s, twin.rig)
         expected = 2.0 * (sigma**2 + step**2 / 12.0) / rate
+        values = values - low_pass(values[:, None], 1.0 / rate, SLOW_HZ, 4)[:, 0]
         width = min(len(values), round(2.0 * rate))
         hz, power = welch(values, rate, nperseg=width)
         quiet = (hz > QUIET_HZ[0]) & (hz < QUIET_HZ[1])
