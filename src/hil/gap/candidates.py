@@ -69,7 +69,8 @@ def _single_fits(
             break
         leaf = leaves[p.leaves[0]]
         say(f"fitting {leaf.name} ({k + 1})")
-        found = fit(c, [leaf], search.felt(changes_of([leaf], p.starts, c.problem)))
+        start = search.felt(changes_of([leaf], p.starts, c.problem))
+        found = fit(c, [leaf], start) if start else None
         if found is not None:
             out.append(found)
     well = max((explained(c, none, f) for f in out), default=0.0)
@@ -121,6 +122,8 @@ def _joint_fits(
             head = next((h for h in heads if all(x in some for x in h.leaves)), None)
             if head is not None:
                 start.update(_relative(c, head))
+            if not all(set(leaf.parameters) & start.keys() for leaf in some):
+                continue  # one of them changes nothing that these data would show
             joint = fit(c, some, start)
             if joint is not None:
                 new.append(joint)

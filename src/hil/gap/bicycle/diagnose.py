@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -14,8 +15,12 @@ from hil.gap.diagnose import as_found, explain
 from hil.gap.diagnosis import Diagnosis
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.nuisances import Nuisance
-from hil.gap.verdict import EXPLAINED, SOFT, judge
+from hil.gap.verdict import judge
 from hil.runs import Run
+
+EXPLAINED: Final = 0.72
+"""Share of a gap's energy that a verdict must explain, half of the time [set on training cases]."""
+SOFT: Final = 0.06
 
 
 def diagnose_rides(

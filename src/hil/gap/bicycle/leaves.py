@@ -16,11 +16,12 @@ LEAN_ZERO: Final = 0.004
 """rad: how upright a bicycle is held when its inclinometer is zeroed [R]."""
 STEER_ZERO: Final = 0.0026
 """rad: one step of the encoder."""
-RADIUS: Final = 0.003
+RADIUS: Final = 0.002
 """Of a wheel's radius: tyre pressure and load [R]."""
 IMU_BIAS: Final = 0.5
 """Of one sample's noise: what is left after zeroing at rest [R]."""
-MISALIGNMENT: Final = 0.005
+MISALIGNMENT: Final = 0.003
+"""rad: of a sensor that was screwed on and calibrated [R]."""
 LATENCY_S: Final = 0.0015
 """A tenth of the ride's sample and more: nodes and IMU keep their own time [R]."""
 STIFF_FORK: Final = (6e3, 2e4, 6e4)

@@ -26,6 +26,9 @@ SLOW_HZ: Final = 2.5
 """Taken out before: a wheel that turns is a ramp, whose spectrum has no end."""
 LOUDEST: Final = (0.7, 3.0)
 """Bounds of how much louder than its file a sensor is believed to be: beyond, it is a finding."""
+SWAY: Final = 0.6
+"""N m of lean torque that a healthy rider's breathing and pedalling make, rms [R]."""
+SWAY_S: Final = 0.4
 SHARE: Final = 0.15
 """Of a gap's size, that a model of it may be off by."""
 
@@ -48,7 +51,9 @@ def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) ->
             without = twin.answer(values, clean)
             for s in twin.signals:
                 off = without[s] - with_noise[s]
-                if s != LEAN_TORQUE:
+                if s == LEAN_TORQUE:
+                    off = off + twin.filtered(_sway(rng, len(noisy), ride.dt_s))[twin.judged]
+                else:
                     stamps = ride.imu[s][0]
                     own = share[s] * _noise(rng, len(stamps), *noise_of(s, twin.rig))
                     on_grid = np.asarray(np.interp(ride.t_s, stamps, own))
@@ -115,6 +120,14 @@ def _loudness(twin: RideTwin) -> dict[str, float]:
         seen = float(np.median(power[quiet])) if quiet.any() else expected
         out[s] = float(np.clip(np.sqrt(seen / max(expected, 1e-30)), *LOUDEST))
     return out
+
+
+def _sway(rng: np.random.Generator, count: int, dt_s: float) -> Array:
+    """(N,) lean torque of a rider who sits as still as riders do, N m."""
+    width = max(round(SWAY_S / dt_s), 1)
+    window = np.hanning(2 * width + 1)
+    noise = np.convolve(rng.standard_normal(count + 2 * width), window, "valid")
+    return np.asarray(SWAY * noise / np.sqrt(np.sum(window**2)))
 
 
 def _said(louder: list[dict[str, float]]) -> str:
