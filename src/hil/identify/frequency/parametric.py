@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import brentq, least_squares, leastsq
 from scipy.stats import t as student
 
 from hil.errors import IdentificationError
@@ -31,7 +31,7 @@ HIGHEST: Final = 30.0
 DAMPINGS: Final = (0.02, 5.0)
 DELAYS: Final = 60
 FREQUENCIES: Final = 24
-PROFILED: Final = 1.0e-9
+PROFILED: Final = 1.0e-8
 ENDS: Final = 0.003
 """Relative tolerances: of the fits behind an interval, and of its ends."""
 TELLS: Final = 0.5
@@ -142,32 +142,59 @@ class _Problem:
             "delay": (-1.0, 2.0),
         }
 
-    def solve(
-        self, start: Mapping[str, float], free: Sequence[str], tolerance: float = 1e-12
-    ) -> _Best:
-        """The least cost from `start` over `free`; the other parameters stay."""
+    def solve(self, start: Mapping[str, float], free: Sequence[str]) -> _Best:
+        """The least cost within the bounds, from `start` over `free`; the other parameters stay."""
         at = {n: float(start[n]) for n in NAMES}
-
-        def values(x: Array) -> dict[str, float]:
-            return at | dict(zip(free, x.tolist(), strict=True))
+        low, high = (np.array([self._bounds[n][k] for n in free]) for k in (0, 1))
 
         def residual(x: Array) -> Array:
-            left = second_order(self._hz, *values(x).values()) * self._factor - self._value
-            return _parts(left / self._sigma)
+            return self._residual(at | dict(zip(free, x.tolist(), strict=True)))
 
-        if not free:
-            return _Best(at, 0.5 * float(np.sum(residual(np.zeros(0)) ** 2)))
-        low, high = (np.array([self._bounds[n][k] for n in free]) for k in (0, 1))
+        def slopes(x: Array) -> Array:
+            return self._slopes(at | dict(zip(free, x.tolist(), strict=True)), free)
+
         found = least_squares(
             residual,
             np.clip([at[n] for n in free], low, high),
-            lambda x: self._slopes(values(x), free),
+            slopes,
             bounds=(low, high),
             x_scale=[max(abs(at[n]), 1e-2) for n in free],
-            xtol=tolerance,
-            ftol=tolerance,
+            xtol=1e-12,
+            ftol=1e-12,
         )
-        return _Best(values(found.x), float(found.cost))
+        return _Best(at | dict(zip(free, found.x.tolist(), strict=True)), float(found.cost))
+
+    def _profiled(self, at: Mapping[str, float], free: Sequence[str]) -> _Best:
+        """The same from near by, without bounds (MINPACK is much faster), frequency by its logarithm."""
+        if not free:
+            return _Best(at, 0.5 * float(np.sum(self._residual(at) ** 2)))
+        is_log = np.array([n == "frequency" for n in free])
+
+        def values(x: Array) -> dict[str, float]:
+            plain = np.where(is_log, np.exp(np.clip(x, -50.0, 50.0)), x)
+            return {**at, **dict(zip(free, plain.tolist(), strict=True))}
+
+        def slopes(x: Array) -> Array:
+            there = values(x)
+            return self._slopes(there, free) * np.where(is_log, [there[n] for n in free], 1.0)
+
+        start = [
+            float(np.log(at[n])) if log else at[n] for n, log in zip(free, is_log, strict=True)
+        ]
+
+        def residual(x: Array) -> Array:
+            return self._residual(values(x))
+
+        # With its full output it does not warn where it stops early: an end is then too near, by little.
+        found = leastsq(
+            residual, start, Dfun=slopes, full_output=True, ftol=PROFILED, xtol=PROFILED
+        )
+        there = values(np.asarray(found[0], dtype=np.float64))
+        return _Best(there, 0.5 * float(np.sum(self._residual(there) ** 2)))
+
+    def _residual(self, values: Mapping[str, float]) -> Array:
+        left = second_order(self._hz, *values.values()) * self._factor - self._value
+        return _parts(np.asarray(left / self._sigma))
 
     def std(self, values: Mapping[str, float], free: Sequence[str]) -> dict[str, float]:
         """Standard deviations by linearisation, with the residuals as the noise says."""
@@ -195,9 +222,10 @@ class _Problem:
         def above(step: float) -> float:
             nonlocal last
             value = best.values[name] + sign * step
-            there = self.solve({**last, name: value}, others, PROFILED)
+            starts = [_along(values, name, value, others) for values in (best.values, last)]
+            there = min((self._profiled(x, others) for x in starts), key=lambda x: x.cost)
             last = there.values
-            return np.sqrt(2.0 * max(there.cost - best.cost, 0.0)) - rise
+            return float(np.sqrt(2.0 * max(there.cost - best.cost, 0.0))) - rise
 
         inner, outer = 0.0, min(max(guess, 1e-12 * max(abs(best.values[name]), 1.0)), room)
         while outer < room and above(outer) < 0.0:
@@ -220,7 +248,21 @@ class _Problem:
             "damping": -gain * unit / below * 2j * x,
             "delay": -2j * np.pi * self._hz * gain * unit,
         }
-        return np.stack([_parts(by[n]) for n in free], axis=1)
+        return np.stack([_parts(np.asarray(by[n], dtype=complex)) for n in free], axis=1)
+
+
+def _along(
+    values: Mapping[str, float], name: str, value: float, others: Sequence[str]
+) -> dict[str, float]:
+    """`values` with `name` at `value`: where to look for the best `others`.
+
+    Frequency and damping go together, which keeps the slow lag 2ζ/ω: they lie along that valley.
+    """
+    moved = {**values, name: value}
+    other = {"frequency": "damping", "damping": "frequency"}.get(name, "")
+    if other in others and values[name] > 0.0 and value > 0.0:
+        moved[other] = values[other] * value / values[name]
+    return moved
 
 
 def _parts(z: ComplexArray) -> Array:
