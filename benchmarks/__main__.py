@@ -21,7 +21,7 @@ NAMES = (
     "loop_lateness",
     "sim_vs_mujoco",
     "rigs_vs_pinocchio",
-    "bicycle_vs_sympy",
+    "bicycle_vs_generated",
 )
 
 

@@ -203,5 +203,5 @@ def test_over_a_real_bus_with_real_clocks(weaving, tmp_path):
     acquisition = asyncio.run(go())
     run = load_run(acquisition.paths[0])
     assert run.meta.recording.end_reason == "stopped by the panel"
-    assert run.table["lean"].notna().sum() > 150
+    assert run.table["lean"].notna().sum() > 100
     assert (acquisition.paths[0] / "can.log").stat().st_size > 1000

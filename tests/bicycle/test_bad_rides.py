@@ -130,3 +130,100 @@ def test_an_imu_on_another_clock(round_trip):
 
 def test_a_ride_too_short_says_so(round_trip):
     assert "overlap for" in faults(round_trip, lambda t: t[t["t"] < 1.5].reset_index(drop=True))
+
+
+def exchanged(a, b):
+    return lambda t: t.rename(columns={a: b, b: a})
+
+
+@pytest.mark.parametrize("other", ["lean", "steer"])
+def test_a_wheel_that_stands_in_another_channel_is_named(weaving, other):
+    text = faults(weaving, exchanged(other, "rear_wheel"))
+    assert f"column {other}" in text
+    assert "another channel, such as a wheel's angle" in text
+
+
+def test_a_wheel_in_degrees(weaving):
+    text = faults(weaving, changed(rear_wheel=180.0 / np.pi))
+    assert text.startswith("ride: rear_wheel: ")
+    assert "are these degrees, or counts?" in text
+
+
+def test_a_gyroscope_in_degrees_a_second_and_an_accelerometer_in_g(weaving):
+    gyro = {f"imu.gyro_{a}": 180.0 / np.pi for a in "xyz"}
+    assert "are these degrees per second?" in faults(weaving, changed(**gyro))
+    accel = {f"imu.accel_{a}": 1.0 / 9.81 for a in "xyz"}
+    assert "feels 1.00 at rest" in faults(weaving, changed(**accel))
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [("gyro_x", "gyro_z"), ("gyro_y", "gyro_z"), ("accel_x", "accel_z"), ("accel_y", "accel_z")],
+)
+def test_axes_of_the_imu_that_are_exchanged(weaving, a, b):
+    text = faults(weaving, exchanged(f"imu.{a}", f"imu.{b}"))
+    assert f"imu.{a}" in text
+    assert f"imu.{b}" in text
+    assert "exchanged" in text
+
+
+@pytest.mark.parametrize(
+    ("signal", "said"),
+    [
+        ("accel_z", "z axis points down"),
+        ("accel_x", "axis points the other way"),
+        ("gyro_y", "axis points the other way"),
+    ],
+)
+def test_an_axis_of_the_imu_with_the_wrong_sign(round_trip, signal, said):
+    text = faults(round_trip, changed(**{f"imu.{signal}": -1.0}))
+    assert text.startswith(f"ride: imu.{signal}: ")
+    assert said in text
+
+
+@pytest.mark.parametrize("signal", ["lean", "steer"])
+def test_a_sensor_that_is_stuck(weaving, signal):
+    def spoil(table):
+        there = table[signal].notna()
+        table.loc[there, signal] = 0.01
+        return table
+
+    text = faults(weaving, spoil)
+    assert f"{signal}: never changes while the gyroscope turns" in text
+
+
+def test_an_imu_whose_range_is_too_small_is_told(weaving):
+    def spoil(table):
+        table["imu.gyro_z"] = table["imu.gyro_z"].clip(-0.2, 0.2)
+        return table
+
+    found = [f for f in check_ride(ride_of(weaving, spoil)) if f.check == "saturation"]
+    assert {f.subject for f in found} == {"imu.gyro_z"}
+    assert any("stand at 0.2" in f.text for f in found)
+
+
+@pytest.mark.parametrize("signal", ["lean", "rear_wheel", "imu.gyro_z"])
+def test_a_gap_in_any_channel_is_told(weaving, signal):
+    def spoil(table):
+        hole = (table["t"] > 6.0) & (table["t"] < 6.5)
+        table.loc[hole, signal] = np.nan
+        return table
+
+    prepared = ride_of(weaving, spoil)
+    found = [*prepared.findings, *check_ride(prepared)]
+    assert [(f.check, f.subject) for f in found] == [("gaps", signal)]
+    assert "5" in found[0].text
+
+
+def test_a_16_bit_counter_that_runs_over(weaving):
+    whole = ride_of(weaving)
+
+    def spoil(table):
+        steps = 2400.0 / (2.0 * np.pi)
+        count = np.round(table["rear_wheel"] * steps) + 30000.0
+        table["rear_wheel"] = (np.mod(count + 32768.0, 65536.0) - 32768.0) / steps
+        return table
+
+    mended = ride_of(weaving, spoil)
+    assert [f.check for f in mended.findings] == ["rollover"]
+    assert np.abs(mended.angles[:, 1] - whole.angles[:, 1]).max() < 0.2

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bicycle.channels import check_channels
 from hil.bicycle.recorded import Ride
 from hil.rigs.bicycle import Smooth, low_pass, pack, smooth
 from hil.rigs.bicycle import ride as simulate
@@ -28,6 +29,8 @@ TURNED: Final = 0.2
 """rad/s of yaw rate that clocks are compared by."""
 SURE: Final = 0.5
 """Correlation from which a sign or a name is believed."""
+AGAINST: Final = 0.8
+"""Correlation with a gyroscope from which a sign is wrong: another axis' rate only half contradicts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +50,16 @@ class Signs:
 def check_ride(ride: Ride) -> list[Finding]:
     """Signs, swapped channels, degrees, clocks. Faults are what makes every result wrong."""
     told = smooth(ride.angles, ride.dt_s, CUTOFF_HZ)
+    found = check_channels(ride, told)
+    faults = [f for f in found if f.verdict == "fault"]
+    plain = [f for f in faults if f.check in ("unit", "dead")]
+    # exchanged angles make every axis of the IMU look wrong: they come first
+    wrong = plain or _check_signs(ride, told) or faults
+    return wrong or [*_clocks(ride, told), *found]
+
+
+def _check_signs(ride: Ride, told: Smooth) -> list[Finding]:
+    """Faults alone."""
     signs = _signs(ride, told)
     out: list[Finding] = []
     # steer and lean go against each other, so that swapped ones still fit somewhat: the better fit counts
@@ -55,8 +68,8 @@ def check_ride(ride: Ride) -> list[Finding]:
     if signs.swapped > max(0.8, named) and not agree:
         text = "steer turns and lean steers in this ride: the two channels are swapped"
         return [Finding("swapped", "lean, steer", "fault", text)]
-    steer_is_wrong = signs.yaw_with_gyro < -SURE
-    lean_is_wrong = signs.roll_with_gyro < -SURE
+    steer_is_wrong = signs.yaw_with_gyro < -AGAINST
+    lean_is_wrong = signs.roll_with_gyro < -AGAINST
     if steer_is_wrong and lean_is_wrong and signs.lean_with_turn > SURE:
         text = (
             "lean and steer agree with each other and both contradict the gyroscope: its x and z axes point "
@@ -82,7 +95,7 @@ def check_ride(ride: Ride) -> list[Finding]:
             "steer to the left are positive); without a gyroscope nobody can say which"
         )
         out.append(Finding("sign", "lean, steer", "fault", text))
-    return out or _clocks(ride, told)
+    return out
 
 
 def _signs(ride: Ride, told: Smooth) -> Signs:

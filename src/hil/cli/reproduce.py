@@ -1,4 +1,4 @@
-"""`hil reproduce`: the two papers that the project started from, played again on the simulated rigs."""
+"""`hil reproduce`: the papers that the project started from, played again on the simulated rigs."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.status import Status
 
 from hil.cli.console import JsonFlag, err, out, write_json
 from hil.cli.options import profiles_of
 from hil.configfile import load_rig
-from hil.ui.reproduce import FAST, FULL, Report, motorcycle_report, stewart_report
+from hil.ui.reproduce import FAST, FULL, Report, bicycle_report, motorcycle_report, stewart_report
 
 app = typer.Typer(
     help="The papers again: their experiments on the simulated rigs, as one page beside what they show.",
@@ -52,6 +53,28 @@ def stewart(
     _reproduce(stewart_report, "stewart", "stewart_pd", out_html, fast, runs, json)
 
 
+@app.command()
+def bicycle(
+    out_html: OutOption = None,
+    runs: KeepOption = None,
+    measured: Annotated[
+        Path | None,
+        typer.Option(
+            "--measured",
+            help="Folder with impulse_windows.json and logs/ of a struck bicycle: its weave is added.",
+        ),
+    ] = None,
+    json: JsonFlag = False,
+) -> None:
+    """ "Validation of multibody modeling and simulation using an instrumented bicycle", section 8."""
+    page = out_html or Path("reproduce_bicycle.html")
+    with (
+        tempfile.TemporaryDirectory(prefix="hil-") as scratch,
+        err.status("riding") as status,
+    ):
+        _say(bicycle_report(page, runs or Path(scratch), measured, _progress(status)), json)
+
+
 def _reproduce(
     make: Callable[..., Report],
     paper: str,
@@ -67,16 +90,26 @@ def _reproduce(
         tempfile.TemporaryDirectory(prefix="hil-") as scratch,
         err.status("playing the experiments") as status,
     ):
-
-        def progress(text: str) -> None:
-            if err.is_terminal:
-                status.update(text)
-            else:
-                err.print(text, soft_wrap=True)
-
         report = make(
-            rig, profiles_of(rig), page, runs or Path(scratch), FAST if fast else FULL, progress
-        )
+            rig, profiles_of(rig), page, runs or Path(scratch), FAST if fast else FULL,
+            _progress(status),
+        )  # fmt: skip
+    _say(report, json)
+
+
+def _progress(status: Status) -> Callable[[str], None]:
+    """Says a step on the status line, or where there is no terminal as a line."""
+
+    def progress(text: str) -> None:
+        if err.is_terminal:
+            status.update(text)
+        else:
+            err.print(text, soft_wrap=True)
+
+    return progress
+
+
+def _say(report: Report, json: bool) -> None:
     if json:
         write_json({"page": str(report.path), "facts": report.facts})
     else:

@@ -199,5 +199,5 @@ def _check_angles(name: str, values: np.ndarray, source: str) -> None:
     row = int(np.flatnonzero(beyond)[0])
     raise RunError(
         f"{source}: column {name}, from row {row + 1}: {values[row]:.4g} rad is beyond a right angle: are "
-        "these degrees?"
+        "these degrees? or another channel, such as a wheel's angle?"
     )

@@ -21,6 +21,9 @@ from hil.runs import Run
 EXPLAINED: Final = 0.72
 """Share of a gap's energy that a verdict must explain, half of the time [set on training cases]."""
 SOFT: Final = 0.06
+MISFIT: Final = 1.2
+"""Floors that a healthy bicycle is off its model by, in every signal: they need no explanation [set on
+training cases]."""
 
 
 def diagnose_rides(
@@ -56,14 +59,16 @@ def _by_energy(found: Diagnosis) -> Diagnosis:
     if c is None or none is None or best is None or not found.causes:
         return found
     floors = c.noise.floor(c.problem)
-    before = after = floor = 0.0
+    energy: dict[str, list[float]] = {}
     for x in c.problem.series:
         rows = c.problem.kept[x.part]
-        scale = floors[x.signal] ** 2
-        before += float(np.sum(none.residual[x.part][rows] ** 2)) / scale
-        after += float(np.sum(best.residual[x.part][rows] ** 2)) / scale
-        floor += float(rows.sum())
-    share = (before - after) / max(before - floor, 1e-9)
+        sums = energy.setdefault(x.signal, [0.0, 0.0, 0.0])
+        sums[0] += float(np.sum(none.residual[x.part][rows] ** 2)) / floors[x.signal] ** 2
+        sums[1] += float(np.sum(best.residual[x.part][rows] ** 2)) / floors[x.signal] ** 2
+        sums[2] += float(rows.sum())
+    was = sum(max(before / n - 1.0, 0.0) for before, _, n in energy.values())
+    left = sum(max(after / n - MISFIT**2, 0.0) for _, after, n in energy.values())
+    share = 1.0 - left / max(was, 1e-9)
     unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
     factor = (1.0 - unknown) / max(1.0 - found.unknown, 1e-12)
     causes = tuple(replace(x, probability=x.probability * factor) for x in found.causes)

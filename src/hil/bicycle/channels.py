@@ -1,0 +1,189 @@
+"""Is each channel what its name says, in its unit, moving, and within its range? Before anything is computed.
+
+What the three measured angles ask of an IMU is known from the model, so that a gyroscope in degrees, an
+accelerometer in g, axes that are exchanged or point the other way show as gains and correlations that no
+noise makes. Each check wants motion that shows it, and is silent where the ride has none.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.bicycle.recorded import GAP_PERIODS, Ride
+from hil.bicycle.sensors import IMU_SIGNALS, noise_of
+from hil.errors import KinematicsError
+from hil.rigs.bicycle import Smooth, low_pass, pack
+from hil.rigs.bicycle import ride as simulate
+from hil.runs.importing.findings import Finding
+
+Array = NDArray[np.float64]
+
+CUTOFF_HZ: Final = 2.0
+FASTEST_M_S: Final = 25.0
+"""No rider is faster; degrees are 57 times as fast."""
+DEGREES: Final = (30.0, 100.0)
+"""Gains between which a rate is one in degrees."""
+AGREES: Final = 0.8
+APART: Final = 0.15
+"""By which another channel must follow better than the one that bears the name."""
+MOVES: Final = {"gyro": 0.05, "accel": 0.2}
+"""Spread of the model's signal from which its sensor must follow."""
+PINNED: Final = 5
+"""Samples in a row at a sensor's extreme: it can say no more."""
+
+
+def check_channels(ride: Ride, told: Smooth) -> list[Finding]:
+    """Faults of units, axes and dead sensors; warnings of pinned samples and holes of the IMU."""
+    out = _wheel(ride, told) + _dead(ride)
+    if not out:
+        out = _imu(ride, told)
+    told_of: set[float] = set()
+    for signal, (t, values) in ride.imu.items():
+        out += _pinned(signal, values, t, ride)
+        out += _holes(signal, t, told_of)
+    return out
+
+
+def _wheel(ride: Ride, told: Smooth) -> list[Finding]:
+    speed = ride.rig.geometry.R * np.abs(told.rate[:, 1])
+    fast = float(np.quantile(speed, 0.9))
+    if fast < FASTEST_M_S:
+        return []
+    text = f"the wheel's angle gives {fast:.0f} m/s: are these degrees, or counts?"
+    return [Finding("unit", "rear_wheel", "fault", text)]
+
+
+def _dead(ride: Ride) -> list[Finding]:
+    """Lean or steer that stands still while the gyroscope turns."""
+    spin = [np.interp(ride.t_s, *ride.imu[s]) for s in IMU_SIGNALS[:3] if s in ride.imu]
+    if not spin or max(float(np.std(s)) for s in spin) < MOVES["gyro"]:
+        return []
+    out = []
+    for k, signal in ((0, "lean"), (2, "steer")):
+        noise, step = noise_of(signal, ride.rig)
+        if np.ptp(ride.angles[:, k]) < 0.5 * max(step, noise, 1e-6):
+            text = "never changes while the gyroscope turns: stuck, or not connected"
+            out.append(Finding("dead", signal, "fault", text))
+    return out
+
+
+def _imu(ride: Ride, told: Smooth) -> list[Finding]:
+    signals = [s for s in IMU_SIGNALS if s in ride.imu]
+    if not signals:
+        return []
+    try:
+        model = simulate(pack(ride.rig), told).imu
+    except KinematicsError:  # whoever analyses it says so
+        return []
+    raw = np.column_stack([np.interp(ride.t_s, *ride.imu[s]) for s in signals])
+    seen = dict(zip(signals, low_pass(raw, ride.dt_s, CUTOFF_HZ).T, strict=True))
+    wanted = dict(zip(IMU_SIGNALS, low_pass(model, ride.dt_s, CUTOFF_HZ).T, strict=True))
+    return _gravity(ride, seen) or _axes(seen, wanted)
+
+
+def _gravity(ride: Ride, seen: dict[str, Array]) -> list[Finding]:
+    """Where gravity stands, and in what unit."""
+    accel = [s for s in IMU_SIGNALS[3:] if s in seen]
+    if len(accel) < 3:
+        return []
+    mean = np.array([float(np.mean(seen[s])) for s in accel])
+    size, g = float(np.linalg.norm(mean)), ride.rig.mass.gravity
+    if 0.7 < size < 1.4:
+        text = f"feels {size:.2f} at rest where it should feel {g:.2f} m/s²: are these g?"
+        return [Finding("unit", "imu.accel", "fault", text)]
+    largest = int(np.argmax(np.abs(mean)))
+    if size < 0.5 * g or abs(mean[largest]) < 0.8 * size:
+        return []
+    if largest != 2:
+        text = (
+            f"gravity stands in {accel[largest]}, not in imu.accel_z: axes are exchanged, or the sensor lies "
+            "on its side; name them right or set imu.orientation"
+        )
+        return [Finding("swapped", f"{accel[largest]}, imu.accel_z", "fault", text)]
+    if mean[2] < 0.0:
+        text = (
+            f"reads {mean[2]:.1f} m/s² upright: its z axis points down, or it tells acceleration "
+            "where specific force is meant (+g upright); set imu.orientation"
+        )
+        return [Finding("imu_sign", "imu.accel_z", "fault", text)]
+    return []
+
+
+def _axes(seen: dict[str, Array], wanted: dict[str, Array]) -> list[Finding]:
+    """Rates in degrees, axes exchanged, axes that point the other way."""
+    out = []
+    gyro = [s for s in IMU_SIGNALS[:3] if s in seen]
+    moving = [s for s in gyro if np.std(wanted[s]) > MOVES["gyro"]]
+    for s in moving:
+        a, b = wanted[s] - wanted[s].mean(), seen[s] - seen[s].mean()
+        gain = float(a @ b / (a @ a))
+        if DEGREES[0] < abs(gain) < DEGREES[1] and abs(_together(a, b)) > AGREES:
+            text = (
+                f"turns {abs(gain):.0f} times as fast as the bicycle: are these degrees per second?"
+            )
+            out.append(Finding("unit", s, "fault", text))
+    if out:
+        return out
+    for s in moving:
+        own = abs(_together(wanted[s], seen[s]))
+        for other in gyro:
+            cross = abs(_together(wanted[s], seen[other]))
+            if cross > AGREES and own < cross - APART:
+                text = f"what the ride asks of {s} is found in {other}: the two are exchanged"
+                return [Finding("swapped", f"{s}, {other}", "fault", text)]
+    for s in ("imu.gyro_y", "imu.accel_x"):
+        kind = s.partition(".")[2].partition("_")[0]
+        if s in seen and np.std(wanted[s]) > MOVES[kind] * (0.4 if kind == "gyro" else 1.0):
+            together = _together(wanted[s], seen[s])
+            if together < -AGREES:
+                text = (
+                    f"goes against what the ride asks of it (correlation {together:.2f}): its axis points "
+                    "the other way (x forward, y to the left, z up)"
+                )
+                out.append(Finding("imu_sign", s, "fault", text))
+    return out
+
+
+def _together(a: Array, b: Array) -> float:
+    """Correlation; 0 where one stands still."""
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / size if size else 0.0
+
+
+def _pinned(signal: str, values: Array, t: Array, ride: Ride) -> list[Finding]:
+    """Runs of samples that stand at the largest or smallest value."""
+    _, step = noise_of(signal, ride.rig)
+    out = []
+    for end in (float(values.max()), float(values.min())):
+        at = np.abs(values - end) <= 0.01 * step
+        longest, run, start = 0, 0, 0
+        for k, hit in enumerate(at.tolist()):
+            run = run + 1 if hit else 0
+            if run > longest:
+                longest, start = run, k - run + 1
+        if longest >= PINNED and np.ptp(values) > 10.0 * step:
+            text = (
+                f"{int(at.sum())} samples stand at {end:.4g}, {longest} in a row at {t[start]:.2f} s: "
+                "the sensor's range is smaller than the ride"
+            )
+            out.append(Finding("saturation", signal, "warning", text))
+    return out
+
+
+def _holes(signal: str, t: Array, told_of: set[float]) -> list[Finding]:
+    """Gaps of one channel; those that came with another's are told once."""
+    steps = np.diff(t)
+    holes = np.flatnonzero(steps > max(GAP_PERIODS * float(np.median(steps)), 0.05))
+    if not holes.size:
+        return []
+    k = int(holes[np.argmax(steps[holes])])
+    start = float(t[k])
+    if start in told_of:
+        return []
+    told_of.add(start)
+    text = f"{holes.size} gaps, the longest {1e3 * steps[k]:.0f} ms at {start:.2f} s"
+    return [Finding("gaps", signal, "warning", text)]
