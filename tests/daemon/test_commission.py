@@ -28,10 +28,12 @@ pytestmark = pytest.mark.timeout(120)
 
 
 @contextmanager
-def served(folder: Path, name: str) -> Iterator[tuple[RigFile, Profiles, SimulatedRig]]:
+def served(
+    folder: Path, name: str, profiles: Profiles | None = None
+) -> Iterator[tuple[RigFile, Profiles, SimulatedRig]]:
     """A simulated rig on a hub, in a thread of its own."""
     rig = rig_file(name, can={"url": f"hub:{folder / 'bus.sock'}"})
-    profiles = load_profiles(rig)
+    profiles = profiles or load_profiles(rig)
     simulated = SimulatedRig(rig, profiles)
     loop, up = asyncio.new_event_loop(), threading.Event()
     over = asyncio.Event()
@@ -63,15 +65,15 @@ def test_a_cia_402_drive_is_found_read_written_and_jogged(tmp_path: Path) -> Non
         assert (found.address, found.actuator) == (1, "axis")
         assert found.values == {"vendor": 0xABC, "product": 0x402}
         with Desk(rig, profiles, "axis") as desk:
-            assert objects.read(desk, "0x1008")[1] == "Servo drive after CiA 402"
-            assert objects.write(desk, "following error window", "0x1000")[1] == 0x1000
-            told = dict(objects.info(desk))
+            assert objects.read(desk.objects, "0x1008")[1] == "Servo drive after CiA 402"
+            assert objects.write(desk.objects, "following error window", "0x1000")[1] == 0x1000
+            told = dict(objects.info(desk.objects))
             assert told["Supported drive modes"].endswith("(ip, csp, csv, cst)")
             assert "switch on disabled" in told["Statusword"]
             with pytest.raises(DriveError, match="moves the drive"):
-                objects.write(desk, "0x6040", "15")
+                objects.write(desk.objects, "0x6040", "15")
             with pytest.raises(ProtocolError, match="no object 'nonsense'"):
-                objects.read(desk, "nonsense")
+                objects.read(desk.objects, "nonsense")
             assert desk.jog(0.005, 0.03) == pytest.approx(0.005, abs=5e-4)
         with Desk(rig, profiles, "axis") as desk:
             with pytest.raises(ConfigError, match="outside"):
@@ -80,13 +82,28 @@ def test_a_cia_402_drive_is_found_read_written_and_jogged(tmp_path: Path) -> Non
                 desk.jog(0.01, 0.3)
 
 
-def test_a_cia_402_drive_homes_by_its_own_method(tmp_path: Path) -> None:
-    with served(tmp_path, "axis_canopen") as (rig, profiles, simulated):
+def homed_by(method: int, offset_m: float) -> Profiles:
+    """The shipped drive file for a drive that searches its zero, briskly."""
+    shipped = load_profiles(rig_file("axis_canopen"))["cia402"]
+    search = {"kind": "drive", "method": method, "speed": 0.1, "speed_to_zero": 0.02}
+    more = {"acceleration": 2.0, "offset": offset_m}
+    homing = shipped.homing.model_copy(update={**search, **more})
+    return {"cia402": shipped.model_copy(update={"homing": homing})}
+
+
+@pytest.mark.parametrize(("method", "zero_m"), [(37, 0.0), (17, -0.245)])
+def test_a_cia_402_drive_homes_by_its_own_method(
+    tmp_path: Path, method: int, zero_m: float
+) -> None:
+    """Method 17 searches a limit switch; the offset makes its edge what the rig file calls it."""
+    with served(tmp_path, "axis_canopen", homed_by(method, zero_m)) as (rig, profiles, simulated):
         (drive,) = simulated.drives
-        drive.is_referenced = False
+        assert not drive.is_referenced
         with Desk(rig, profiles, "axis") as desk:
-            desk.home(lambda: objects.set_up_homing(desk) and None, 20.0)
+            found = desk.home(lambda: objects.set_up_homing(desk) and None, 30.0)
         assert drive.is_referenced
+        assert found == pytest.approx(zero_m, abs=2e-3)
+        assert simulated.plant.position(0) == pytest.approx(zero_m, abs=2e-3)
 
 
 def test_a_lust_drive_is_found_read_written_and_jogged(tmp_path: Path) -> None:
@@ -94,10 +111,10 @@ def test_a_lust_drive_is_found_read_written_and_jogged(tmp_path: Path) -> None:
         (found,) = scan(rig, profiles)
         assert (found.actuator, found.text) == ("axis", "logs on")
         with Desk(rig, profiles, "axis") as desk:
-            assert objects.read(desk, "position gain")[1] == pytest.approx(80.0)
-            assert objects.write(desk, "watchdog", "0.2")[1] == pytest.approx(0.2)
+            assert objects.read(desk.objects, "position gain")[1] == pytest.approx(80.0)
+            assert objects.write(desk.objects, "watchdog", "0.2")[1] == pytest.approx(0.2)
             with pytest.raises(DriveError, match="not among the parameters"):
-                objects.write(desk, "position gain", "90")
+                objects.write(desk.objects, "position gain", "90")
             assert desk.jog(0.005, 0.03) == pytest.approx(0.005, abs=5e-4)
             with pytest.raises(DriveError, match="no homing over the bus"):
                 desk.home(lambda: None, 1.0)

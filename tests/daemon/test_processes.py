@@ -195,6 +195,11 @@ def test_command_watch_and_ride_speak_to_a_running_rig(riding):
     assert "no fault" in refused.stderr
     done = hil("command", "axis", "gain", "0.5", "--json")
     assert json.loads(done.stdout)["ok"]
+    told = hil("drive", "read", "axis", "axis", "position gain", "--can", riding.bus, "--json")
+    assert json.loads(told.stdout) == {"name": "position gain", "value": 80.0}, told.stderr
+    held = hil("drive", "write", "axis", "axis", "watchdog", "0.2", "--can", riding.bus)
+    assert held.returncode != 0
+    assert "hil itself writes" in held.stderr
     lines = hil("watch", "axis", "--json", "--seconds", "0.5").stdout.splitlines()
     assert len(lines) >= 20
     assert json.loads(lines[-1])["actuators"]["axis"]["age_s"] < 0.1

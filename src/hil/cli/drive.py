@@ -1,9 +1,9 @@
-"""`hil drive`: one drive by itself, for commissioning. Never beside a daemon: the rig's lock says so."""
+"""`hil drive`: single drives, for commissioning. Beside a daemon objects are read and written through it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from typing import Annotated
 
@@ -12,14 +12,17 @@ from rich.table import Table
 
 from hil.cli.console import JsonFlag, RigArgument, err, out, write_json
 from hil.cli.options import CanOption, profiles_of, rig_with
+from hil.client import ENDPOINT, RigClient
 from hil.daemon import commission_objects as objects
 from hil.daemon.commission import Desk
+from hil.daemon.commission_access import Access, ThroughDaemon
 from hil.daemon.commission_scan import scan as scan_buses
-from hil.errors import CommandRefused, RigInUse
+from hil.errors import CommandRefused, RigInUse, RigNotReached
 
 app = typer.Typer(
     help="Commission single drives, of either family: who is there, read, write, home, jog. "
-    "Works only while no daemon runs the rig; everything passes the gate.",
+    "While a daemon runs the rig, info, read and write go through it, the others wait until it has ended; "
+    "everything passes the gate.",
     no_args_is_help=True,
 )
 
@@ -33,6 +36,9 @@ NameArgument = Annotated[
         help="CiA 402: 0x6065, 0x1018:2 or its name in the EDS; CANLust: a number or name, as in `info`.",
         show_default=False,
     ),
+]
+DaemonOption = Annotated[
+    str, typer.Option("--endpoint", "-e", help="Zenoh endpoint of the daemon, if one runs the rig.")
 ]
 FreeOption = Annotated[
     bool,
@@ -67,11 +73,15 @@ def scan(rig: RigArgument, can: CanOption = None, json: JsonFlag = False) -> Non
 
 @app.command()
 def info(
-    rig: RigArgument, actuator: ActuatorArgument, can: CanOption = None, json: JsonFlag = False
+    rig: RigArgument,
+    actuator: ActuatorArgument,
+    can: CanOption = None,
+    endpoint: DaemonOption = ENDPOINT,
+    json: JsonFlag = False,
 ) -> None:
     """What a drive says of itself: identity, state, modes, position; a CANLust drive's parameters."""
-    with _desk(rig, actuator, can) as desk:
-        told = list(objects.info(desk))
+    with _objects(rig, actuator, can, endpoint) as drive:
+        told = list(objects.info(drive))
     if json:
         write_json(dict(told))
         return
@@ -85,11 +95,12 @@ def read(
     actuator: ActuatorArgument,
     name: NameArgument,
     can: CanOption = None,
+    endpoint: DaemonOption = ENDPOINT,
     json: JsonFlag = False,
 ) -> None:
-    """Read one object or parameter."""
-    with _desk(rig, actuator, can) as desk:
-        label, value = objects.read(desk, name)
+    """Read one object or parameter; through the daemon where one runs the rig."""
+    with _objects(rig, actuator, can, endpoint) as drive:
+        label, value = objects.read(drive, name)
     _show(label, value, json)
 
 
@@ -100,11 +111,15 @@ def write(
     name: NameArgument,
     value: Annotated[str, typer.Argument(help="Decimal, 0x... or text.", show_default=False)],
     can: CanOption = None,
+    endpoint: DaemonOption = ENDPOINT,
     json: JsonFlag = False,
 ) -> None:
-    """Write one object or parameter and read it back. What moves the drive is never written."""
-    with _desk(rig, actuator, can) as desk:
-        label, found = objects.write(desk, name, value)
+    """Write one object or parameter and read it back. What moves the drive is never written.
+
+    A daemon that runs the rig refuses while it is armed, and what it writes to the drive itself.
+    """
+    with _objects(rig, actuator, can, endpoint) as drive:
+        label, found = objects.write(drive, name, value)
     _show(label, found, json)
 
 
@@ -113,7 +128,7 @@ def home(
     rig: RigArgument, actuator: ActuatorArgument, can: CanOption = None, free: FreeOption = False
 ) -> None:
     """Let a CiA 402 drive search its zero by the method of its drive file. It MOVES: nobody on the rig."""
-    with _desk(rig, actuator, can, moves=True, free=free) as desk:
+    with _desk(rig, actuator, can, free=free) as desk:
         timeout_s = getattr(getattr(desk.profile, "homing", None), "timeout", 60.0)
         with err.status(f"{actuator} searches its zero"):
             position = desk.home(lambda: _set_up(desk), timeout_s)
@@ -132,17 +147,33 @@ def jog(
     free: FreeOption = False,
 ) -> None:
     """Move one drive a little, slowly, inside its stroke. It MOVES: nobody on the rig."""
-    with _desk(rig, actuator, can, moves=True, free=free) as desk, err.status(f"{actuator} moves"):
+    with _desk(rig, actuator, can, free=free) as desk, err.status(f"{actuator} moves"):
         position = desk.jog(distance, speed)
     out.print(f"{actuator} stands at {position:.6f}")
 
 
 @contextmanager
-def _desk(
-    rig: str, actuator: str, can: str | None, *, moves: bool = False, free: bool = False
-) -> Iterator[Desk]:
+def _objects(rig: str, actuator: str, can: str | None, endpoint: str) -> Iterator[Access]:
+    """The drive over the bus, or through the daemon that has it."""
     settings, _ = rig_with(rig, can=can)
-    if moves and not free and len(settings.actuators) > 1:
+    profiles = profiles_of(settings)
+    with ExitStack() as stack:
+        drive: Access
+        try:
+            drive = stack.enter_context(Desk(settings, profiles, actuator)).objects
+        except RigInUse as in_use:
+            try:
+                client = stack.enter_context(RigClient(settings.name, endpoint))
+            except RigNotReached as error:
+                raise RigInUse(f"{in_use}; and no daemon is reached: {error}") from None
+            drive = ThroughDaemon(client, settings, profiles, actuator)
+        yield drive
+
+
+@contextmanager
+def _desk(rig: str, actuator: str, can: str | None, *, free: bool) -> Iterator[Desk]:
+    settings, _ = rig_with(rig, can=can)
+    if not free and len(settings.actuators) > 1:
         raise CommandRefused(
             f"{settings.name}: its {len(settings.actuators)} actuators hang on one platform, and {actuator} "
             "would push against the others' brakes. Take it off and say --free, or move the whole rig with "
@@ -157,7 +188,7 @@ def _no_daemon() -> Iterator[None]:
     try:
         yield
     except RigInUse as error:
-        raise RigInUse(f"{error}; drives are not spoken to beside a daemon") from None
+        raise RigInUse(f"{error}; beside a daemon drives are read and written only") from None
 
 
 def _set_up(desk: Desk) -> None:

@@ -15,6 +15,8 @@ from typing import Final, Self
 
 from hil.bus.port import BusPort, open_port
 from hil.config import RigFile
+from hil.daemon.commission_access import OverBus
+from hil.daemon.commission_rig import alone, calm, unbounded
 from hil.daemon.core.link import Link
 from hil.daemon.lock import RigLock
 from hil.drives import DrivePhase, PowerGoal, build_drivers
@@ -28,10 +30,6 @@ from hil.errors import BusBusy, ConfigError, DriveError, HilError
 from hil.frames import Frame
 from hil.safety import Finding, Rule
 
-SLOWEST_CYCLE_S: Final = 0.01
-"""Nobody's motion is controlled here: a calm cycle will do on any computer."""
-CALM_S: Final = 0.5
-"""A command line has no real-time rights: drive and we bear with each other for so long."""
 READY_S: Final = 15.0
 OFF_CYCLES: Final = 10
 JOG_SHARE: Final = 0.1
@@ -40,50 +38,20 @@ HOMING_ATTAINED, HOMING_ERROR = 0x1000, 0x2000
 """Bits 12 and 13 of the status word in homing mode (CiA 402-2) [M]."""
 
 
-def alone(rig: RigFile, actuator: str) -> tuple[RigFile, int]:
-    """The rig file with one actuator on one bus, driven by positions, and the bus it was on.
-
-    ConfigError where there is no such actuator.
-    """
-    if actuator not in rig.actuator_names:
-        raise ConfigError(
-            f"{rig.name} has no actuator {actuator!r}, only {', '.join(rig.actuator_names)}"
-        )
-    i = rig.actuator_names.index(actuator)
-    whole = rig.actuators[i]
-    drive = whole.drive.model_copy(update={"address": rig.address(i), "bus": 0})
-    cycle_s = max(rig.bus.cycle, SLOWEST_CYCLE_S)
-    can = rig.can.model_copy(
-        update={
-            "url": rig.can.urls[whole.drive.bus],
-            "bitrate": rig.can.bitrates[whole.drive.bus],
-            "further": (),
-        }
-    )
-    update = {
-        "actuators": (whole.model_copy(update={"drive": drive}),),
-        "imu": None,
-        "can": can,
-        "bus": rig.bus.model_copy(update={"cycle": cycle_s}),
-        "control": rig.control.model_copy(update={"mode": "drive"}),
-        "safety": rig.safety.model_copy(
-            update={"drive_watchdog": CALM_S, "answer_timeout": CALM_S}
-        ),
-    }
-    return rig.model_copy(update=update), whole.drive.bus
-
-
 class Desk:
     """One drive on its bus, for as long as it is entered. DriveError names what the drive does not do."""
 
     def __init__(self, rig: RigFile, profiles: Profiles, actuator: str) -> None:
         self.rig, _ = alone(rig, actuator)
         self._whole = rig
-        self.profile: DriveProfile = profiles[self.rig.actuators[0].drive.profile]
-        self.drives = build_drivers(self.rig, profiles)
+        name = self.rig.actuators[0].drive.profile
+        self.profile: DriveProfile = calm(profiles[name])
+        self.drives = build_drivers(self.rig, {name: self.profile})
         self.link = Link(self.rig, self.drives)
         self.driver: DriveDriver = self.drives[0]
         self.position: float | None = None
+        self.objects = OverBus(self)
+        """Its objects or parameters."""
         self._stack = ExitStack()
         self._was_told = False
         self._port: BusPort
@@ -237,6 +205,7 @@ class Desk:
                 '(homing = "drive" in its file waits for that)'
             )
         self._was_told = True
+        self.link = Link(unbounded(self.rig), self.drives)
         self.run(PowerGoal.RESET, lambda: driver.boot.done, READY_S)
         driver.boot.is_referenced = True  # what keeps it from READY is what we are about to do
         self.prepare()
@@ -281,7 +250,9 @@ class Desk:
         end_s = time.monotonic() + within_s
         while (left_s := end_s - time.monotonic()) > 0.0:
             select.select([self._port], [], [], left_s)
-            for _, heard in self._port.receive():
+            for t_s, heard in self._port.receive():
+                self.link.receive(t_s, heard)  # its heartbeats go on counting
+                self.link.records.clear()
                 if take(heard):
                     return True
         return False

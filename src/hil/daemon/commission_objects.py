@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from hil.daemon.commission import Desk
-from hil.drives.cia402 import codec as canopen
+from hil.daemon.commission_access import Access
 from hil.drives.cia402.mapping import MODE_CODES, supports
 from hil.drives.cia402.meaning import number_of, writable_objects
 from hil.drives.cia402.profile import Cia402Profile
@@ -18,12 +18,9 @@ from hil.drives.meaning import writable_parameters
 from hil.drives.power import decode_status_word
 from hil.drives.profile import LustProfile, WireType
 from hil.errors import DriveError, ProtocolError
-from hil.frames import Frame
 
-ANSWER_S: Final = 0.3
 GATE_CYCLES: Final = 25
 """A little more than the gate counts frames over: objects are written one by one, not in a burst."""
-TRIES: Final = 3
 SHOWN: Final = (
     0x1008,
     0x1009,
@@ -42,29 +39,28 @@ SHOWN: Final = (
 Value = int | float | str | bytes
 
 
-def read(desk: Desk, name: str) -> tuple[str, Value]:
+def read(drive: Access, name: str) -> tuple[str, Value]:
     """Full name and value of an object; DriveError or ProtocolError say why not."""
-    if isinstance(desk.profile, Cia402Profile):
-        entry = desk.profile.objects.find(name)
-        return str(entry), entry.decode(_transfer(desk, Transfer(entry.index, entry.sub)))
-    number, label, kind, scale = _parameter(desk.profile, name)
-    return label, lust.from_wire(
-        kind, _exchange(desk, lust.Request(number, lust.Mode.READ))
-    ) * scale
+    if isinstance(drive.profile, Cia402Profile):
+        entry = drive.profile.objects.find(name)
+        return str(entry), entry.decode(drive.transfer(Transfer(entry.index, entry.sub)))
+    number, label, kind, scale = _parameter(drive.profile, name)
+    raw = drive.exchange(lust.Request(number, lust.Mode.READ))
+    return label, lust.from_wire(kind, raw) * scale
 
 
-def write(desk: Desk, name: str, text: str) -> tuple[str, Value]:
+def write(drive: Access, name: str, text: str) -> tuple[str, Value]:
     """Write what a person wrote and read it back: full name and value afterwards."""
-    if isinstance(desk.profile, Cia402Profile):
-        entry = desk.profile.objects.find(name)
-        if number_of(entry.index, entry.sub) not in writable_objects(desk.profile):
+    if isinstance(drive.profile, Cia402Profile):
+        entry = drive.profile.objects.find(name)
+        if number_of(entry.index, entry.sub) not in writable_objects(drive.profile):
             raise DriveError(
                 f"{entry} is not written from here: it is read-only, or it moves the drive"
             )
-        _transfer(desk, Transfer(entry.index, entry.sub, entry.parse(text)))
-        return read(desk, name)
-    number, label, kind, scale = _parameter(desk.profile, name)
-    if number not in writable_parameters(desk.profile.parameters):
+        drive.transfer(Transfer(entry.index, entry.sub, entry.parse(text)))
+        return read(drive, name)
+    number, label, kind, scale = _parameter(drive.profile, name)
+    if number not in writable_parameters(drive.profile.parameters):
         raise DriveError(
             f"{label} is not among the parameters that hil writes: use its maker's program"
         )
@@ -72,26 +68,26 @@ def write(desk: Desk, name: str, text: str) -> tuple[str, Value]:
         raw = lust.to_wire(kind, float(text) / scale)
     except ValueError:
         raise ProtocolError(f"{label}: {text!r} is no number") from None
-    _exchange(desk, lust.Request(number, lust.Mode.WRITE, raw))
-    return read(desk, name)
+    drive.exchange(lust.Request(number, lust.Mode.WRITE, raw))
+    return read(drive, name)
 
 
-def info(desk: Desk) -> Iterator[tuple[str, str]]:
+def info(drive: Access) -> Iterator[tuple[str, str]]:
     """What a person wants to know first, name and text; what cannot be read says so."""
-    profile = desk.profile
+    profile = drive.profile
     if isinstance(profile, LustProfile):
         for _, label, _, _ in _parameters(profile):
-            yield label, _told(desk, label)
+            yield label, _told(drive, label)
         return
     for name, sub in (("vendor", 1), ("product", 2), ("revision", 3), ("serial number", 4)):
         if (0x1018, sub) in profile.objects:
-            yield name, _told(desk, f"0x1018:{sub:x}", hexadecimal=True)
+            yield name, _told(drive, f"0x1018:{sub:x}", hexadecimal=True)
     for index in SHOWN:
         if (index, 0) not in profile.objects:
             continue
         entry = profile.objects[index, 0]
         try:
-            _, value = read(desk, f"{index:#x}")
+            _, value = read(drive, f"{index:#x}")
         except DriveError as error:
             yield entry.name, str(error)
             continue
@@ -106,18 +102,19 @@ def set_up_homing(desk: Desk) -> float:
     for name, value in (
         ("0x6098", homing.method),
         ("0x6099:1", round(homing.speed * counts)),
-        ("0x6099:2", round(homing.speed * counts)),
+        ("0x6099:2", round(homing.speed_to_zero * counts)),
+        ("0x607C", round(homing.offset * counts)),
         ("0x609A", round(homing.acceleration * counts)),
         ("0x6060", 6),
     ):
-        write(desk, name, str(value))
+        write(desk.objects, name, str(value))
         desk.run(PowerGoal.OFF, lambda: False, GATE_CYCLES * desk.rig.bus.cycle)
     return homing.timeout
 
 
-def _told(desk: Desk, name: str, *, hexadecimal: bool = False) -> str:
+def _told(drive: Access, name: str, *, hexadecimal: bool = False) -> str:
     try:
-        value = read(desk, name)[1]
+        value = read(drive, name)[1]
     except DriveError as error:
         return str(error)
     if isinstance(value, float):
@@ -136,57 +133,6 @@ def _meaning(index: int, value: Value) -> str:
     if index == 0x6502:
         return f"{value:#x} ({', '.join(m for m in MODE_CODES if supports(value, m)) or 'no cyclic mode'})"
     return f"{value:#x}" if index in (0x1001, 0x603F) else str(value)
-
-
-def _transfer(desk: Desk, transfer: Transfer) -> bytes:
-    ids = canopen.node_ids(desk.rig.address(0))
-    who = f"{desk.driver.name} (node {desk.rig.address(0)})"
-
-    def take(frame: Frame) -> bool:
-        if frame.can_id != ids.sdo_answer:
-            return False
-        abort = transfer.take(frame.data)
-        if abort is not None:
-            desk.send(Frame(ids.sdo_request, abort))
-        return True
-
-    for _ in range(TRIES):
-        while not transfer.is_done and desk.ask(
-            Frame(ids.sdo_request, transfer.request), take, ANSWER_S
-        ):
-            pass
-        if transfer.is_done:
-            break
-    if not transfer.is_done:
-        raise DriveError(f"{who} does not answer: {transfer}")
-    if transfer.error is not None:
-        raise DriveError(f"{who}: {transfer.error}")
-    return transfer.result
-
-
-def _exchange(desk: Desk, request: lust.Request) -> int:
-    assert isinstance(desk.profile, LustProfile)
-    ids = lust.frame_ids(desk.profile.ids, desk.rig.address(0))
-    found: list[lust.Answer] = []
-
-    def take(frame: Frame) -> bool:
-        if frame.can_id != ids.answer:
-            return False
-        answer = lust.decode_answer(frame.data)
-        if answer.number == request.number:
-            found.append(answer)
-        return bool(found)
-
-    for _ in range(TRIES):
-        if desk.ask(lust.encode_request(ids.request, request), take, ANSWER_S) and found:
-            answer = found.pop()
-            if not answer.status & lust.AnswerStatus.REPEAT_ACTION:
-                if answer.status:
-                    raise DriveError(
-                        f"{desk.driver.name}: parameter {request.number}: {answer.status}"
-                    )
-                return answer.value
-    raise DriveError(f"{desk.driver.name} does not answer: parameter {request.number}")
 
 
 def _parameters(profile: LustProfile) -> list[tuple[int, str, WireType, float]]:

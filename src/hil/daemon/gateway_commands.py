@@ -8,6 +8,7 @@ from typing import Final
 
 from hil.daemon.ipc import Channel
 from hil.daemon.records import CommandRecord, ReplyRecord
+from hil.daemon.wire import NAME_BYTES
 from hil.errors import ProtocolError
 from hil.messages import CommandReply, CommandRequest, decode
 
@@ -30,6 +31,7 @@ COMMANDS: Final[dict[str, Argument | None]] = {
     "reset": None,
     "gain": Argument("value", float),
     "record": Argument("on", bool, default=True),
+    "object": Argument("request", str),
 }
 """Every command of a rig. `record` is the gateway's own, the others are control's."""
 
@@ -63,6 +65,8 @@ def parse_command(name: str, payload: bytes | None) -> Command:
         value = request.arguments.get(argument.name, argument.default)
         if not isinstance(value, argument.kind):
             raise ProtocolError(f"{name} needs {argument.name!r}, a {argument.kind.__name__}")
+    if isinstance(value, str) and len(value.encode()) > NAME_BYTES:
+        raise ProtocolError(f"{name}: {value!r} is longer than {NAME_BYTES} bytes")
     return Command(name, value, request.client[:32])
 
 

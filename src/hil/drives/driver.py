@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from enum import Enum
 from typing import NamedTuple, Protocol
 
+from hil.drives.enquiry import Enquiry
 from hil.drives.meaning import FrameMeaning, SetpointKind
 from hil.frames import Frame
 from hil.signals import Event, Sample
@@ -79,6 +80,13 @@ class DriveDriver(Protocol):
     @property
     def status(self) -> DriveStatus:
         """The drive as known now."""
+
+    @property
+    def held(self) -> frozenset[int]:
+        """Numbers of the objects or parameters that hil itself writes and verifies."""
+
+    def enquire(self, enquiry: Enquiry) -> None:
+        """Read or write an object besides, when its turn comes."""
 
     def ids(self) -> frozenset[int]:
         """Identifiers of the frames that `on_frame` looks at."""

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from hil.drives.driver import DriveBus, DriveDriver, DriveStatus, PowerGoal
+from hil.drives.enquiry import Enquiry
 from hil.drives.meaning import FrameMeaning, Meaning
 from hil.errors import ConfigError
 from hil.frames import BUS_SHIFT, EFF_MASK, Frame
@@ -45,6 +46,15 @@ class OnBus:
     def status(self) -> DriveStatus:
         """The drive as known now."""
         return self.driver.status
+
+    @property
+    def held(self) -> frozenset[int]:
+        """Numbers of what hil itself writes."""
+        return self.driver.held
+
+    def enquire(self, enquiry: Enquiry) -> None:
+        """Read or write an object besides."""
+        self.driver.enquire(enquiry)
 
     def ids(self) -> frozenset[int]:
         """Keys of the frames that it looks at."""

@@ -89,6 +89,16 @@ class Gate:
         """Parameters that may be written although drives are powered; replaces what was permitted."""
         self._permits = numbers
 
+    @property
+    def permits(self) -> frozenset[int]:
+        """Parameters that may be written although drives are powered."""
+        return self._permits
+
+    def refuses_write(self, number: int) -> str | None:
+        """Why a write of parameter `number` would be refused now; None where it would pass."""
+        broken = self._judge_write(Meaning(Ask.WRITE, parameter=number))
+        return None if broken is None else broken.text
+
     def measured(self, i: int, value: float, now_s: float) -> None:
         """Drive `i` answered position `value`, m or rad."""
         self._measured[i] = Measured(value, now_s)

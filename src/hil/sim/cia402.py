@@ -1,50 +1,36 @@
 """A simulated CiA 402 drive on CANopen: what a servo drive with this EDS does, as far as the standards tell.
 
-It boots, serves its objects, sends and takes process data at SYNC, follows the CiA 402 state machine,
-watches its master's heartbeat, the ends of its stroke and its following error, homes, sends EMCY, and moves
-the plant in modes ip, csp, csv, cst. What the standards leave open is in the drive file's table
-`simulated`; stop reactions (hold at full force, then power off) are [M]. Pure: told the time, it gives frames
-and instants.
+It boots, serves its objects, watches its master's heartbeat and sends EMCY; its process data are in
+`cia402_exchange`, its power stage and faults in `cia402_power`, its search for zero in `cia402_homing`, what
+it does to the plant in modes ip, csp, csv, cst in `cia402_motion`. What the standards leave open is in the
+drive file's table `simulated`. Pure: told the time, it gives frames and instants.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Final
 
 import numpy as np
 
 from hil.config import RigFile
 from hil.drives.cia402 import codec
-from hil.drives.cia402.configure import AT_ONCE, DISABLED
-from hil.drives.cia402.mapping import HOMING_MODE, MODE_CODES
-from hil.drives.cia402.meaning import INTERPOLATE
 from hil.drives.cia402.profile import Cia402Profile
-from hil.drives.power import (
-    FAULTED,
-    RESET_BIT,
-    PowerCommand,
-    PowerState,
-    decode_control_word,
-    encode_status_word,
-    respond,
-)
+from hil.drives.power import FAULTED, PowerState
 from hil.errors import ProtocolError
 from hil.frames import Frame
+from hil.sim.cia402_exchange import ProcessData
 from hil.sim.cia402_motion import Motion402
 from hil.sim.cia402_objects import Objects
+from hil.sim.cia402_power import PowerStage
 from hil.sim.plant import Plant
 from hil.sim.sdo_server import SdoServer
 
 Timed = list[tuple[float, Frame]]
 
-HEARTBEAT_LOST, PDO_LENGTH, FOLLOWING, COURSE, MISSED = 0x8130, 0x8210, 0x8611, 0x8612, 0xFF01
-"""Emergency error codes that it sends by itself (CiA 301 and 402-2 [M]; the last is the maker's)."""
-COURSE_SLACK_M: Final = 1e-3
-"""A drive reset beyond the end of its stroke may move so much further out before it stops again [M]."""
-TARGET_REACHED: Final = 0x0400
-HOMING_ATTAINED: Final = 0x1000
+HEARTBEAT_LOST = 0x8130
+"""Emergency error code (CiA 301 [M])."""
+TARGETS = (0x607A, 0x6071, 0x60FF, 0x60C1)
 _NmtState = codec.NmtState
 
 
@@ -58,46 +44,57 @@ class SimulatedCia402:
         self.name = actuator.name
         self.node = rig.address(i)
         self.frames = codec.node_ids(self.node)
-        self.power = PowerState.SWITCH_ON_DISABLED
-        self.voltage = True
         self.nmt = _NmtState.BOOT_UP
-        self.missed = 0
-        """Setpoints missed so far."""
-        self._profile, self._plant, self._i = profile, plant, i
-        self._cycle_s = rig.bus.cycle
+        self._profile, self._cycle_s = profile, rig.bus.cycle
         self.objects = Objects(profile, actuator, self.node)
         self.motion = Motion402(rig, i, plant, profile, rng)
+        self._power = PowerStage(plant, i, self.objects, self.motion, profile)
+        sync_bits_s = 55 / rig.can.bitrates[actuator.drive.bus]
+        self._data = ProcessData(
+            self.objects, self.motion, self._power, profile, rig.bus.cycle, sync_bits_s
+        )
         self._sdo = SdoServer(self.objects.read, self.objects.write)
         self.objects.live = self._live()
         self.objects.before_write = self._written
         self._now_s = plant.now_s
-        self._sync_bits_s = 55 / rig.can.bitrates[actuator.drive.bus]
         self._silent = False
         self._storm_s = math.inf
-        self._wrong_bytes = 0
         self._start(self._now_s)
 
     def _start(self, now_s: float) -> None:
         self.nmt = _NmtState.BOOT_UP
         self._boot_s = now_s + self._profile.simulated.boot
-        self._beat_s = self._watched_s = self._off_s = self._homed_s = math.inf
-        self._control = 0
-        self._target: bytes | None = None
-        self._sync_s = -math.inf
-        self._in_a_row = 0
-        self._allowance = 0.0
-        self._outside_s = math.inf
-        self._code = 0
-        self.is_referenced = self._profile.homing.kind == "absolute"
-        self._attained = False
+        self._beat_s = self._watched_s = math.inf
+        self._power.restart()
+        self._data.restart()
         self._sdo.reset()
+
+    @property
+    def power(self) -> PowerState:
+        """State of its power stage."""
+        return self._power.state
+
+    @property
+    def missed(self) -> int:
+        """Setpoints missed so far."""
+        return self._data.missed
+
+    @property
+    def is_referenced(self) -> bool:
+        """Its positions count from the zero that homing found, or its encoder knows."""
+        return self._power.homing.is_referenced
+
+    @property
+    def status_word(self) -> int:
+        """Object 0x6041."""
+        return self._power.status_word
 
     def _live(self) -> dict[tuple[int, int], Callable[[], int]]:
         live: dict[tuple[int, int], Callable[[], int]] = {
-            (0x1001, 0): lambda: int(self._code != 0),
+            (0x1001, 0): lambda: int(self._power.code != 0),
             (0x2001, 0): lambda: int(self.is_referenced),
-            (0x603F, 0): lambda: self._code,
-            (0x6040, 0): lambda: self._control,
+            (0x603F, 0): lambda: self._power.code,
+            (0x6040, 0): lambda: self._power.word,
             (0x6041, 0): lambda: self.status_word,
             (0x6061, 0): lambda: self.objects.value(0x6060),
             (0x6064, 0): lambda: self.motion.actual("position", self._now_s),
@@ -123,7 +120,9 @@ class SimulatedCia402:
         if can_id == codec.SYNC_ID:
             return self._on_sync()
         if can_id == self.objects.value(0x1400, 1) & 0x7FF:
-            return self._on_values(frame.data)
+            if self.nmt is not _NmtState.OPERATIONAL:
+                return []
+            return self._emergencies(self._data.on_target(now_s, frame.data))
         if can_id == self.frames.sdo_request and self.nmt is not _NmtState.STOPPED:
             answer = self._sdo.on_request(frame.data)
             later_s = self.motion.senses.reply_s(now_s)
@@ -144,17 +143,13 @@ class SimulatedCia402:
             self.nmt = _NmtState.PRE_OPERATIONAL
             self._beat_s = math.inf
             out.append(self._heartbeat(_NmtState.BOOT_UP))
-        if now_s >= self._off_s:
-            self._power_off(PowerState.FAULT if self._code else PowerState.SWITCH_ON_DISABLED)
+        self._power.on_time(now_s)
         if now_s >= self._watched_s:
             self._watched_s = math.inf
             out += self._master_is_gone()
-        if now_s >= self._homed_s:
-            self._homed_s = math.inf
-            self._attained = self.is_referenced = True
-        if now_s >= self._sync_due_s:
-            out += self._missed()
-            self._sync_s += self._cycle_s
+        if now_s >= (late_s := self._data.late_s):
+            out += self._emergencies(self._data.miss(now_s))
+            self._data.sync_s = late_s - 0.5 * self._cycle_s
         if self._period_s and now_s >= self._heartbeat_due_s:
             self._beat_s = now_s + self._period_s
             out.append(self._heartbeat(self.nmt))
@@ -169,10 +164,9 @@ class SimulatedCia402:
         beat_s = self._heartbeat_due_s if self._period_s else math.inf
         return min(
             self._boot_s,
-            self._off_s,
+            self._power.next_due_s,
             self._watched_s,
-            self._homed_s,
-            self._sync_due_s,
+            self._data.late_s,
             beat_s,
             self._storm_s,
         )
@@ -184,17 +178,6 @@ class SimulatedCia402:
     @property
     def _heartbeat_due_s(self) -> float:
         return self._now_s if self._beat_s == math.inf else self._beat_s
-
-    @property
-    def _sync_due_s(self) -> float:
-        """A SYNC is missed half a cycle after it should have come."""
-        if self.power is not PowerState.OPERATION_ENABLED or not self._is_cyclic:
-            return math.inf
-        return self._sync_s + 1.5 * self._cycle_s
-
-    @property
-    def _is_cyclic(self) -> bool:
-        return self.objects.value(0x6060) in MODE_CODES.values()
 
     # -- the network ---------------------------------------------------------------------------------
 
@@ -208,16 +191,14 @@ class SimulatedCia402:
         if command is codec.NmtCommand.RESET_NODE:
             self.reboot(self._now_s)
         elif command is codec.NmtCommand.RESET_COMMUNICATION:
-            was_referenced = self.is_referenced
-            self.reboot(self._now_s)
-            self.is_referenced = was_referenced
+            self._restart()
         elif command is codec.NmtCommand.START:
             self.nmt = _NmtState.OPERATIONAL
         else:
             was = self.nmt
             stops = command is codec.NmtCommand.STOP
             self.nmt = _NmtState.STOPPED if stops else _NmtState.PRE_OPERATIONAL
-            if was is _NmtState.OPERATIONAL and self.power is PowerState.OPERATION_ENABLED:
+            if was is _NmtState.OPERATIONAL and self._power.is_on:
                 return self._abort_connection(0)
         return []
 
@@ -235,189 +216,47 @@ class SimulatedCia402:
         """Object 0x6007: nothing, fault, power off or quick stop; without force only a fault is told."""
         reaction = self.objects.value(0x6007)
         if reaction == 1 and code:
-            return self._trip(code, told=True)
+            self._power.trip(self._now_s, code)
+            return []
         if reaction == 2 and self.power not in FAULTED:
-            self._power_off(PowerState.SWITCH_ON_DISABLED)
-        elif reaction and self.power is PowerState.OPERATION_ENABLED:
-            self._quick_stop()
+            self._power.power_off(self._now_s, PowerState.SWITCH_ON_DISABLED)
+        elif reaction and self._power.is_on:
+            self._power.quick_stop(self._now_s)
         return []
 
     def _on_sync(self) -> Timed:
-        out: Timed = []
-        self._sync_s = self._now_s
         if self.nmt is not _NmtState.OPERATIONAL:
+            self._data.sync_s = self._now_s
             return []
-        if self.objects.value(0x1400, 2) < AT_ONCE - 1:  # a synchronous RPDO
-            if self._target is not None:
-                out += self._take(self._target, self._now_s - self._sync_bits_s - self._cycle_s)
-                self._target = None
-            elif self.power is PowerState.OPERATION_ENABLED:
-                out += self._missed()
-        elif self._target is None and self.power is PowerState.OPERATION_ENABLED:
-            out += self._missed()
-        else:
-            self._target = None
-        out += self._watch()
-        if (
-            not self.objects.value(0x1800, 1) & DISABLED
-            and 1 <= self.objects.value(0x1800, 2) <= 240
-        ):
-            at_s = self.motion.senses.reply_s(self._now_s)
-            out.append((at_s, Frame(self.objects.value(0x1800, 1) & 0x7FF, self._values())))
+        out = self._emergencies(self._data.on_sync(self._now_s))
+        wrong = self._power.watch(self._now_s)
+        if wrong is not None and self._power.trip(self._now_s, wrong):
+            out += self._emergencies([wrong])
+        answer = self._data.answer()
+        if answer is not None:
+            out.append((self.motion.senses.reply_s(self._now_s), Frame(*answer)))
         return out
 
-    def _values(self) -> bytes:
-        if self._wrong_bytes > 0:
-            self._wrong_bytes -= 1
-            return bytes(3)
-        mapped = self.objects.mapped(0x1A00)
-        return b"".join(self.objects.read(e.index, e.sub) for e in mapped)
-
-    def _on_values(self, data: bytes) -> Timed:
-        if self.nmt is not _NmtState.OPERATIONAL or self.objects.value(0x1400, 1) & DISABLED:
-            return []
-        if len(data) != sum(e.size or 0 for e in self.objects.mapped(0x1600)):
-            return [self._emergency(PDO_LENGTH)]
-        self._target = data
-        if self.objects.value(0x1400, 2) >= AT_ONCE - 1:
-            return self._take(data, self._now_s - self.motion.senses.frame_s)
-        return []
-
-    def _take(self, data: bytes, at_s: float) -> Timed:
-        """Process data acts: control word first, then the target of the mode."""
-        self._in_a_row = 0
-        values: dict[int, int] = {}
-        for entry in self.objects.mapped(0x1600):
-            size = entry.size or 0
-            part, data = data[:size], data[size:]
-            value = entry.decode(part)
-            assert isinstance(value, int)
-            values[entry.index] = value
-            self.objects.put((entry.index, entry.sub), value)
-        if 0x6040 in values:
-            self._obey(values[0x6040])
-        if self.power is PowerState.OPERATION_ENABLED and self._is_cyclic:
-            self.motion.target(self.objects, at_s)
-        return []
-
-    def _missed(self) -> Timed:
-        """One more setpoint did not come in time."""
-        self.missed += 1
-        self._in_a_row += 1
-        reactions = self._profile.simulated.missed_setpoints
-        reaction = reactions[min(self._in_a_row, len(reactions)) - 1]
-        if reaction == "fault":
-            return self._trip(MISSED)
-        self.motion.missed(reaction, self._now_s - self._cycle_s)
-        return []
-
-    # -- the power stage -----------------------------------------------------------------------------
+    def _emergencies(self, codes: list[int]) -> Timed:
+        return [self._emergency(code) for code in codes]
 
     def _written(self, key: tuple[int, int], value: int) -> None:
         """Objects that act when they are written over SDO."""
         if key == (0x6040, 0):
-            self._obey(value)
+            self._power.obey(self._now_s, value)
         elif key == (0x1017, 0):
             self._beat_s = self._now_s
         elif key == (0x1016, 1):
             self._watched_s = math.inf  # from the first heartbeat on
-        elif (
-            key[0] in (0x607A, 0x6071, 0x60FF, 0x60C1)
-            and self.power is PowerState.OPERATION_ENABLED
-        ):
+        elif key[0] in TARGETS and self._power.is_on:
             self.objects.put(key, value)
             self.motion.target(self.objects, self._now_s)
-
-    def _obey(self, word: int) -> None:
-        command = decode_control_word(word)
-        edge = bool(word & RESET_BIT) and not self._control & RESET_BIT
-        start_homing = bool(word & INTERPOLATE) and not self._control & INTERPOLATE
-        self._control = word
-        before = self.power
-        after = respond(before, command, reset_edge=edge)
-        if not self.voltage and after not in FAULTED:
-            after = PowerState.SWITCH_ON_DISABLED
-        self._plant.advance(self._now_s)
-        if before is PowerState.FAULT and after is not PowerState.FAULT:
-            self._code = 0
-            self._allowance = self.motion.senses.beyond_course() + COURSE_SLACK_M
-        if after is PowerState.QUICK_STOP_ACTIVE and before is PowerState.OPERATION_ENABLED:
-            self._quick_stop()
-        elif before is PowerState.OPERATION_ENABLED and after is not before:
-            self._power_off(after)
-        elif before is not after:
-            self.power = after
-            if after is PowerState.OPERATION_ENABLED:
-                self.motion.enable(self.objects)
-                self._sync_s = self._now_s
-        enabled = self.power is PowerState.OPERATION_ENABLED and command is PowerCommand.ENABLE
-        if enabled and start_homing and self.objects.value(0x6060) == HOMING_MODE:
-            self._home()
-
-    def _home(self) -> None:
-        """Its search is not modelled: after a while it stands referenced where it is [M]."""
-        self._attained = False
-        self._homed_s = self._now_s + 0.5
-
-    def _quick_stop(self) -> None:
-        self._plant.advance(self._now_s)
-        self.motion.hold()
-        self.power = PowerState.QUICK_STOP_ACTIVE
-        self._off_s = self._now_s + self._profile.simulated.quick_stop
-
-    def _watch(self) -> Timed:
-        """The ends of the stroke and the following error."""
-        if self.power is not PowerState.OPERATION_ENABLED:
-            return []
-        self._plant.advance(self._now_s)
-        beyond = self.motion.senses.beyond_course()
-        if beyond == 0.0:
-            self._allowance = 0.0
-        elif beyond > self._allowance:
-            return self._trip(COURSE)
-        if abs(self.motion.following_counts()) <= self.objects.value(0x6065):
-            self._outside_s = math.inf
-        elif self._outside_s == math.inf:
-            self._outside_s = self._now_s
-        elif self._now_s - self._outside_s > self.objects.value(0x6066) * 1e-3:
-            return self._trip(FOLLOWING)
-        return []
-
-    def _trip(self, code: int, *, told: bool = False) -> Timed:
-        """Fault: hold at once where it stands, power off after the quick stop; EMCY goes out."""
-        if self.power in FAULTED:
-            return []
-        self._plant.advance(self._now_s)
-        self._code = code
-        if self.power is PowerState.OPERATION_ENABLED:
-            self.motion.hold()
-            self.power = PowerState.FAULT_REACTION
-            self._off_s = self._now_s + self._profile.simulated.quick_stop
-        else:
-            self._power_off(PowerState.FAULT)
-        return [] if told else [self._emergency(code)]
-
-    def _power_off(self, state: PowerState) -> None:
-        self._plant.advance(self._now_s)
-        self._plant.set_mode(self._i, "off")
-        self._off_s = self._homed_s = self._outside_s = math.inf
-        self.power = state
-
-    @property
-    def status_word(self) -> int:
-        """Object 0x6041."""
-        word = encode_status_word(self.power, voltage=self.voltage)
-        if self.voltage:
-            word |= 0x0010
-        if self.objects.value(0x6060) == HOMING_MODE and self._attained:
-            word |= HOMING_ATTAINED | TARGET_REACHED
-        return word
 
     # -- how to break it -----------------------------------------------------------------------------
 
     def set_fault(self, code: int) -> Timed:
         """It finds an error by itself now; returns what it sends."""
-        return self._trip(code)
+        return self._emergencies([code] if self._power.trip(self._now_s, code) else [])
 
     def silence(self, *, silent: bool = True) -> None:
         """Its bus cable is cut: it hears and says nothing."""
@@ -429,19 +268,20 @@ class SimulatedCia402:
 
     def wrong_pdos(self, count: int) -> None:
         """Its next `count` PDOs have another length than is mapped."""
-        self._wrong_bytes = count
+        self._data.wrong = count
 
     def set_voltage(self, now_s: float, *, present: bool) -> None:
         """The power supply of its motor comes or goes."""
         self._now_s = now_s
-        self.voltage = present
-        if not present:
-            faulted = self.power in FAULTED
-            self._power_off(PowerState.FAULT if faulted else PowerState.SWITCH_ON_DISABLED)
+        self._power.set_voltage(now_s, present=present)
 
     def reboot(self, now_s: float) -> None:
-        """It starts again: all that was written is gone."""
+        """It starts again: all that was written is gone, and where zero is, if its encoder does not know."""
         self._now_s = now_s
-        self._power_off(PowerState.SWITCH_ON_DISABLED)
+        self._restart()
+        self._power.homing.restart()
+
+    def _restart(self) -> None:
+        self._power.power_off(self._now_s, PowerState.SWITCH_ON_DISABLED)
         self.objects.restart()
-        self._start(now_s)
+        self._start(self._now_s)

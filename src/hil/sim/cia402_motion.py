@@ -28,6 +28,9 @@ class Motion402:
         self._plant, self._i = plant, i
         self._cycle_s = rig.bus.cycle
         self._units = Units(self._actuator)
+        self.counts_per_unit = self._actuator.drive.counts_per_unit
+        self.zero_m = 0.0
+        """Where the drive's zero is, in the rig file's coordinates: where its encoder knows it, the same."""
         self.senses = Senses(rig, i, plant, rng)
         self._mode: CyclicMode | None = None
         self._value = self._before = 0.0
@@ -65,8 +68,16 @@ class Motion402:
         raw = objects.value(field.index, field.sub)
         kind: Literal["position", "force", "velocity"]
         kind = {"cst": "force", "csv": "velocity"}.get(self._mode, "position")  # type: ignore[assignment]
-        self._before, self._value = self._value, self._units.si(kind, raw)
+        value = self._units.si(kind, raw)
+        self._before, self._value = (
+            self._value,
+            value + (self.zero_m if kind == "position" else 0.0),
+        )
         self._send(at_s)
+
+    def go(self, position_m: float, at_s: float) -> None:
+        """A point of a path of the drive's own."""
+        self._plant.set_setpoint(self._i, position_m, at_s)
 
     def missed(self, reaction: Missed, at_s: float) -> None:
         """No target came: go on as before, or hold the last one."""
@@ -99,6 +110,7 @@ class Motion402:
         self._plant.advance(now_s)
         value = self.senses.measure(quantity)
         if value is not None:
+            value -= self.zero_m if quantity == "position" else 0.0
             size = 2 if quantity == "force" else 4
             self._last[quantity] = clamp(self._units.raw(quantity, value), size, signed=True)
         return self._last[quantity]

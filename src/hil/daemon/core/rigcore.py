@@ -13,6 +13,7 @@ from typing import Final
 
 from hil.bus.state import ERR_BUS_OFF, ERR_RESTARTED
 from hil.config import RigFile
+from hil.daemon.core.enquiries import Enquiries
 from hil.daemon.core.link import Link
 from hil.daemon.core.motion import Motion, actuator_states, tracking_error
 from hil.daemon.core.schedule import CYCLE, SYNC, Due, Schedule
@@ -46,6 +47,8 @@ from hil.signals import Cue, Event
 GATEWAY_TIMEOUT_S: Final = 1.0
 """A gateway silent for so long is gone; it beats ten times a second."""
 COMMANDS: Final = {command.value: command for command in Command}
+POWERING: Final = (Command.ARM.value, Command.PARK.value)
+"""Commands that may power drives."""
 OURS: Final = -1
 """Request number of requests that the core makes itself: nobody waits for the reply."""
 EVENT_REPEAT_S: Final = 1.0
@@ -61,6 +64,7 @@ class RigCore:
     ) -> None:
         self.rig = rig
         self._link = Link(rig, drives, read_only=read_only)
+        self._enquiries = Enquiries(drives, self._link.gate)
         manipulator, takes_force = build_rig(rig), drives[0].setpoint_kind == "force"
         Motion(rig, manipulator, takes_force).rehearse()
         self._motion = Motion(rig, manipulator, takes_force)
@@ -133,10 +137,16 @@ class RigCore:
         self._heard(now_s, "command", command)
         if command.name == "gain":
             self._records.append(self._set_gain(command))
+        elif command.name == "object":
+            refused = self._enquiries.begin(now_s, command)
+            self._records += [refused] if refused else []
+        elif command.name in POWERING and self._enquiries.is_writing:
+            text = "an object of a drive is being written: wait for its answer"
+            self._records.append(ReplyRecord(command.command_id, False, text))
         elif command.name in COMMANDS:
             self._requests.append(Request(command.command_id, COMMANDS[command.name]))
         else:
-            known = ", ".join((*COMMANDS, "gain"))
+            known = ", ".join((*COMMANDS, "gain", "object"))
             text = f"{command.name!r} is no command of a rig; there are {known}"
             self._records.append(ReplyRecord(command.command_id, False, text))
 
@@ -224,6 +234,7 @@ class RigCore:
             for r in outputs.replies
             if r.request_id != OURS
         ]
+        self._records += self._enquiries.replies(now_s)
         self._report(now_s, due, statuses)
         return frames
 

@@ -15,10 +15,11 @@ from hil.config import RigFile
 from hil.drives.cia402 import codec
 from hil.drives.cia402.configure import Boot, wanted_of
 from hil.drives.cia402.mapping import KIND_OF, TPDO, Units, candidates, rpdo
-from hil.drives.cia402.meaning import INTERPOLATE
+from hil.drives.cia402.meaning import INTERPOLATE, number_of
 from hil.drives.cia402.profile import Cia402Profile
 from hil.drives.cia402.sdo import SdoClient, Transfer
 from hil.drives.driver import DrivePhase, DriveStatus, PowerGoal
+from hil.drives.enquiry import Enquiry
 from hil.drives.meaning import SetpointKind
 from hil.drives.phases import PhaseMachine, PhaseSettings
 from hil.drives.power import VOLTAGE_ENABLED, PowerCommand, PowerState, decode_status_word
@@ -30,6 +31,8 @@ STORM: Final = 20
 """Emergency messages in a second that are a storm."""
 SETTLE_S: Final = 0.3
 """A node that was started gets so long until its heartbeat says so."""
+OURS: Final = (0x1005, 0x1006, 0x6060, 0x607C)
+"""SYNC's identifier and period, mode of operation, home offset: what else nobody changes beside us."""
 COURSE_CODES: Final = frozenset({0x8612})
 LATEST_CYCLES: Final = 1.25
 """A busy bus may carry an answer after the next SYNC, but not much."""
@@ -58,7 +61,14 @@ class Cia402Driver:
         self.sdo = SdoClient(profile.timing.sdo_timeout, profile.timing.sdo_tries)
         self._node, self._profile, self._actuator = node, profile, actuator
         self._layout, self._units = rpdo(mode), Units(actuator)
-        self._boot = Boot(wanted_of(rig, i, profile, self.frames))
+        wanted = wanted_of(rig, i, profile, self.frames)
+        self._boot = Boot(wanted)
+        self._held = frozenset(
+            {number_of(index, sub) for index, sub, _, _ in wanted.settings}
+            | {number_of(*key) for key in profile.objects.entries if 0x1400 <= key[0] < 0x1C00}
+            | {number_of(index, 0) for index in OURS}
+        )
+        self._enquiries: list[tuple[Enquiry, Transfer]] = []
         self._machine = PhaseMachine(
             f"{self.name} (node {node})",
             _phase_settings(profile),
@@ -127,6 +137,16 @@ class Cia402Driver:
     def boot(self) -> Boot:
         """What its configuration found."""
         return self._boot
+
+    @property
+    def held(self) -> frozenset[int]:
+        """Numbers of the objects that configuration writes, of PDO parameters, of SYNC, of the zero."""
+        return self._held
+
+    def enquire(self, enquiry: Enquiry) -> None:
+        """Read or write an object besides; it has its turn on the one channel there is."""
+        index, sub = enquiry.number >> 8, enquiry.number & 0xFF
+        self._enquiries.append((enquiry, self.sdo.submit(Transfer(index, sub, enquiry.data))))
 
     def ids(self) -> frozenset[int]:
         """This drive's frames."""
@@ -244,6 +264,8 @@ class Cia402Driver:
         if self._first_slot_s is None:
             self._first_slot_s = now_s
         machine = self._machine
+        if self._enquiries:
+            self._settle()
         machine.wants(now_s, goal)
         if machine.resetting and not machine.started:
             machine.absent(
@@ -266,9 +288,13 @@ class Cia402Driver:
         frames += self._one_more(now_s)
         return frames
 
-    def submit(self, transfer: Transfer) -> Transfer:
-        """Read or write an object besides; it has its turn on the one channel there is."""
-        return self.sdo.submit(transfer)
+    def _settle(self) -> None:
+        for enquiry, transfer in self._enquiries:
+            if transfer.error is not None:
+                enquiry.failed(str(transfer.error))
+            elif transfer.is_done:
+                enquiry.answered(transfer.result)
+        self._enquiries = [e for e in self._enquiries if not e[1].is_done]
 
     def refuse(self, now_s: float, name: str, text: str) -> None:
         """Latch a fault of the bus as a whole, and say nothing to the drive until it is reset."""

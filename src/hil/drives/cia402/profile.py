@@ -78,7 +78,11 @@ class Homing402(Settings):
         None, description="object whose bit 0 says that the drive is referenced"
     )
     method: int = Field(37, ge=-128, le=127, description="0x6098; 37: here is the zero")
-    speed: Positive = Field(0.01, description="0x6099, towards the switch and the zero, m/s")
+    speed: Positive = Field(0.01, description="0x6099:1, towards the switch, m/s")
+    speed_to_zero: Positive = Field(0.002, description="0x6099:2, from the switch to the zero, m/s")
+    offset: float = Field(
+        0.0, description="0x607C: where the zero found is, in the rig file's coordinates, m or rad"
+    )
     acceleration: Positive = Field(0.1, description="0x609A, m/s²")
     timeout: Positive = Field(60.0, description="longest, s")
 
@@ -99,6 +103,9 @@ class Simulated402(Settings):
         description="what the drive does on the first, second, third and further setpoint missed in a row",
     )
     quick_stop: Positive = Field(0.2, description="from a fault or quick stop to power off, s")
+    switches: NonNegative = Field(
+        0.005, description="limit switches, so far inside both ends of the stroke, m or rad"
+    )
     boot: NonNegative = Field(0.3, description="from power-on to the boot-up message, s")
     modes: Uint32 = Field(
         0x03E5, description="0x6502: pp, pv, ip... by bit; 6 ip, 7 csp, 8 csv, 9 cst"

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from hil.config import RigFile
+from hil.drives.enquiry import Enquiry
 from hil.drives.lust_cdd3000.codec import Answer, AnswerStatus, Mode, Request
 from hil.drives.lust_cdd3000.configure import Configuration, gains_of, settings_of
 from hil.drives.lust_cdd3000.scales import Scales, kind_of
+from hil.drives.meaning import writable_parameters
 from hil.drives.profile import LustProfile
 from hil.drives.slots import SlotScheduler
 from hil.signals import Quantity
@@ -24,6 +26,8 @@ class _Question:
 
     request: Request
     quantity: Quantity | None = None
+    enquiry: Enquiry | None = None
+    """A person's, besides operation."""
 
     @property
     def number(self) -> int:
@@ -50,6 +54,7 @@ class ParameterChannel:
     def __init__(self, rig: RigFile, index: int, profile: LustProfile, scales: Scales) -> None:
         actuator = rig.actuators[index]
         self._scales = scales
+        self._held = writable_parameters(profile.parameters)
         self._repeat_limit = profile.timing.repeat_limit
         questions = {
             q: _Question(Request(scales.parameters[q].number, Mode.READ), q)
@@ -66,6 +71,17 @@ class ParameterChannel:
         )
         self.position: int | None = None
         """Last known position, increments; None since the drive restarted."""
+        self._enquiries: list[_Question] = []
+
+    @property
+    def held(self) -> frozenset[int]:
+        """Numbers of all parameters that hil may write: it writes them itself."""
+        return self._held
+
+    def enquire(self, enquiry: Enquiry) -> None:
+        """Read a parameter in the next slot that configuration leaves free."""
+        question = Request(enquiry.number, Mode.READ)
+        self._enquiries.append(_Question(question, enquiry=enquiry))
 
     def restart(self) -> None:
         """The drive has restarted: nothing is in flight, and where it stands is not known."""
@@ -76,7 +92,11 @@ class ParameterChannel:
         """The question for this slot: configuration, one position where the pattern has none, the pattern."""
         request = self.configuration.request() if configuring else None
         first = None if self.position is not None else self._ask_position
+        if first is None and request is None and self._enquiries:
+            first = self._enquiries[0]
         question = self.slots.ask(now_s, first if request is None else _Question(request))
+        if question is not None and question.enquiry is not None:
+            self._enquiries = [q for q in self._enquiries if q is not question]
         return None if question is None else question.request
 
     def take(self, answer: Answer) -> Taken | None:
@@ -92,6 +112,12 @@ class ParameterChannel:
             return Taken(
                 refusal=f"asked {in_row} times in a row to repeat parameter {answer.number}"
             )
+        if question.enquiry is not None:
+            if answer.status:
+                question.enquiry.failed(f"parameter {answer.number}: {answer.status}")
+            else:
+                question.enquiry.answered(answer.value.to_bytes(4, "little", signed=True))
+            return _NOTHING
         self.configuration.answered(question.request, answer)
         if question.quantity is None:
             return _NOTHING

@@ -11,6 +11,7 @@ import math
 
 from hil.config import RigFile
 from hil.drives.driver import DrivePhase, DriveStatus, PowerGoal
+from hil.drives.enquiry import Enquiry
 from hil.drives.lust_cdd3000.channel import ParameterChannel
 from hil.drives.lust_cdd3000.codec import (
     Answer,
@@ -106,6 +107,15 @@ class LustDriver:
             garbage=self._garbage,
             unasked=slots.unasked,
         )
+
+    @property
+    def held(self) -> frozenset[int]:
+        """Numbers of the parameters that hil itself writes."""
+        return self._channel.held
+
+    def enquire(self, enquiry: Enquiry) -> None:
+        """Read a parameter besides."""
+        self._channel.enquire(enquiry)
 
     def ids(self) -> frozenset[int]:
         """This drive's frames, and the error identifier without an address, which concerns all drives."""

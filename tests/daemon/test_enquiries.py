@@ -1,0 +1,122 @@
+"""Objects of single drives, read and written through the daemon that runs the rig."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.daemon.records import CommandRecord, ReplyRecord
+from hil.drivefiles import load_profile
+from hil.frames import Frame
+from tests.daemon.simulated_rig import Session, rig_file
+
+PROFILES = {"cia402": load_profile("cia402"), "lust_cdd3000": load_profile("lust_cdd3000")}
+STOPPING = "608500"
+
+
+@pytest.fixture
+def parked() -> Session:
+    session = Session(rig_file("axis_canopen"), PROFILES)
+    session.wait_for("parked")
+    return session
+
+
+def test_an_object_is_read_while_the_rig_rides(parked: Session):
+    parked.engaged(0.5)
+    answer = parked.command("object", "axis read 101801")
+    assert (answer.ok, answer.text) == (True, (0xABC).to_bytes(4, "little").hex())
+    assert parked.command("object", "axis read 100800").text == b"Servo drive after CiA 402".hex()
+    assert parked.core.state == "engaged"
+    assert not parked.core._link.gate.refused
+
+
+def test_an_object_is_written_while_the_drives_are_off(parked: Session):
+    assert parked.command("object", f"axis write {STOPPING} 10270000").ok
+    assert parked.command("object", f"axis read {STOPPING}").text == "10270000"
+
+
+def test_nothing_is_written_while_the_rig_is_armed(parked: Session):
+    parked.engaged(0.3)
+    answer = parked.command("object", f"axis write {STOPPING} 10270000")
+    assert not answer.ok
+    assert "disarm it first" in answer.text
+    assert parked.core.state == "engaged", "asking costs nothing"
+
+
+@pytest.mark.parametrize(
+    ("number", "why"),
+    [
+        ("606500", "hil itself writes"),  # following error window: the rig file's
+        ("101601", "hil itself writes"),  # the drive's dead-man
+        ("160001", "hil itself writes"),  # mapping
+        ("607c00", "hil itself writes"),  # home offset: where zero is
+        ("604000", "lets nobody write"),  # control word
+        ("607a00", "lets nobody write"),  # target position
+        ("604100", "lets nobody write"),  # status word
+    ],
+)
+def test_what_keeps_people_safe_is_never_written(parked: Session, number: str, why: str):
+    answer = parked.command("object", f"axis write {number} 00000000")
+    assert not answer.ok
+    assert why in answer.text
+    assert parked.core.state == "parked"
+
+
+def test_the_rig_is_not_armed_while_an_object_is_being_written(parked: Session):
+    parked.core.command(parked.now_s, CommandRecord(77, "object", f"axis write {STOPPING} 00"))
+    parked.core.command(parked.now_s, CommandRecord(78, "arm"))
+    parked.run_until(parked.now_s + 0.2)
+    replies = {r.command_id: r for r in parked.of(ReplyRecord)}
+    assert not replies[78].ok
+    assert "being written" in replies[78].text
+    assert not replies[77].ok, "one byte is no deceleration"
+    assert "data_length" in replies[77].text
+    parked.arm()
+
+
+def test_a_drive_that_is_gone_answers_nothing_and_that_is_said(parked: Session):
+    parked.simulated.drives[0].silence()
+    parked.core.command(parked.now_s, CommandRecord(77, "object", "axis read 101801"))
+    parked.run_until(parked.now_s + 4.0)
+    (reply,) = [r for r in parked.of(ReplyRecord) if r.command_id == 77]
+    assert not reply.ok
+    assert "axis" in reply.text
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        ("leg9 read 101801", "no actuator"),
+        ("axis read rubbish", "not hexadecimal"),
+        ("axis write 101801", "neither"),
+        ("axis erase 101801", "neither"),
+        ("", "neither"),
+    ],
+)
+def test_what_is_no_request_is_refused(parked: Session, request_: str, why: str):
+    answer = parked.command("object", request_)
+    assert not answer.ok
+    assert why in answer.text
+
+
+def test_a_lust_drives_parameters_are_read_in_its_slots():
+    session = Session(rig_file("axis"), PROFILES).engaged(0.5)
+    gain = PROFILES["lust_cdd3000"].parameters.gains.position.number
+    answer = session.command("object", f"axis read {gain:x}")
+    assert answer.ok, answer.text
+    assert len(bytes.fromhex(answer.text)) == 4
+    refused = session.command("object", "axis read fff")
+    assert not refused.ok
+    assert "parameter 4095" in refused.text
+    session.ride(0.3)
+    assert session.core.state == "engaged"
+    watchdog = PROFILES["lust_cdd3000"].parameters.watchdog.number
+    assert (
+        "hil itself writes" in session.command("object", f"axis write {watchdog:x} 00000000").text
+    )
+
+
+def test_enquiries_are_part_of_what_is_replayed(parked: Session):
+    sent = len([f for f in parked.sent() if f.frame.can_id == 0x601])
+    parked.command("object", "axis read 101801")
+    asked = [f.frame for f in parked.sent() if f.frame.can_id == 0x601][sent:]
+    assert asked == [Frame(0x601, bytes.fromhex("4018100100000000"))]
