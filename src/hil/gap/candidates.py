@@ -25,15 +25,18 @@ SINGLES: Final = 5
 """Candidates that are fitted alone."""
 WORTH: Final = 0.25
 """Of the best linear gain, below which no candidate is fitted."""
+CHANCE: Final = 3.0
+"""Of the linear gain, no candidate is worth a fit below."""
 PAIRS: Final = 3
 LEFT: Final = 1.35
 """Floors on any signal from which on more than one effect is looked for."""
-WELL: Final = 0.93
+WELL: Final = 0.96
 """Share explained from which on nothing more is looked for."""
 FRICTION: Final = frozenset(
     {"coulomb_friction", "viscous_friction", "stribeck_friction", "asymmetric_friction", "load_friction",
      "hysteresis"}
 )  # fmt: skip
+PLAIN: Final = frozenset({"coulomb_friction", "viscous_friction"})
 ROUNDED: Final = "sensor_quantisation"
 
 
@@ -48,8 +51,8 @@ def fit_candidates(
 ) -> list[Fit]:
     """`none`, then all that was fitted; `steps`: by signal, those that its values come in."""
     fits = [none, *_single_fits(c, none, search, leaves, without, steps, say)]
-    fits = [f for f in fits if not _is_narrow(f)]
-    return fits + [f for f in _joint_fits(c, fits, search, leaves, say) if not _is_narrow(f)]
+    fits = [f for f in fits if _is_itself(f)]
+    return fits + [f for f in _joint_fits(c, fits, search, leaves, say) if _is_itself(f)]
 
 
 def _single_fits(
@@ -61,16 +64,12 @@ def _single_fits(
     steps: dict[str, float],
     say: Report,
 ) -> list[Fit]:
-    proposals = search.alone()
-    top = proposals[0].gain
     out = []
-    for k, p in enumerate(proposals[:SINGLES]):
-        if p.gain < max(WORTH * top, 3.0):
-            break
+    for k, p in enumerate(_worth_a_fit(search.alone(), leaves)):
         leaf = leaves[p.leaves[0]]
         say(f"fitting {leaf.name} ({k + 1})")
         start = search.felt(changes_of([leaf], p.starts, c.problem))
-        found = fit(c, [leaf], start) if start else None
+        found = fit(c, [leaf], start, p.z) if start else None
         if found is not None:
             out.append(found)
     well = max((explained(c, none, f) for f in out), default=0.0)
@@ -83,9 +82,30 @@ def _single_fits(
     return out
 
 
-def _is_narrow(f: Fit) -> bool:
-    """Whether a hysteresis went as narrow as it may: then it is how friction begins, and no hysteresis."""
-    return any(n.endswith(".hysteresis.displacement") for n in f.at_bound)
+def _worth_a_fit(proposals: Sequence[Proposal], leaves: Sequence[Leaf]) -> list[Proposal]:
+    """The best proposals; where a law of friction is among them, the plain laws at its place as well."""
+    least = max(WORTH * proposals[0].gain, CHANCE)
+    out = [p for p in proposals[:SINGLES] if p.gain >= least]
+    rubs = {x.location for x in (leaves[p.leaves[0]] for p in out) if x.effect in FRICTION}
+    plain = [
+        p for p in proposals[SINGLES:]
+        if leaves[p.leaves[0]].effect in PLAIN and leaves[p.leaves[0]].location in rubs
+        and p.gain >= CHANCE
+    ]  # fmt: skip
+    return out + plain
+
+
+def _is_itself(f: Fit) -> bool:
+    """Whether no effect of a fit has gone where it is another law of the rig's own friction near standstill:
+    a hysteresis as narrow as it may be, a Stribeck curve that rises from rest."""
+    if any(n.endswith(".hysteresis.displacement") for n in f.at_bound):
+        return False
+    value = dict(zip(f.names, f.values.tolist(), strict=True))
+    return not any(
+        value.get(f"{leaf.name}.static", 0.0) < value.get(f"{leaf.name}.coulomb", 0.0)
+        for leaf in f.leaves
+        if leaf.effect == "stribeck_friction"
+    )
 
 
 def _rounded(c: Calibrated, none: Fit, signal: str, step: float) -> Fit:
@@ -124,7 +144,7 @@ def _joint_fits(
                 start.update(_relative(c, head))
             if not all(set(leaf.parameters) & start.keys() for leaf in some):
                 continue  # one of them changes nothing that these data would show
-            joint = fit(c, some, start)
+            joint = fit(c, some, start, p.z if head is None else head.z)
             if joint is not None:
                 new.append(joint)
         out += new

@@ -24,7 +24,7 @@ TEMPER: Final = 2.0
 """What evidence is divided by on top, for what no correlation shows [set on training cases]."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
-UNUSED: Final = 0.13
+UNUSED: Final = 0.05
 """What a parameter costs at least, as a ratio: freedom that changes nothing is no reason to choose it."""
 MORE: Final = 12.0
 """Nats that each further effect must earn beyond its parameters."""

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 FREEDOM: Final = 4.0
 """Of Student's distribution: residuals have the tails of frames that just missed a tick."""
-ROUNDS: Final = 3
+ROUNDS: Final = 4
 SETTLED: Final = 0.02
 """A round that gains less than this share of what is left ends the fit."""
 WEAK: Final = 10.0
@@ -113,20 +113,23 @@ def own_nuisances(c: Calibrated, leaves: Sequence[Leaf]) -> list[int]:
 
 
 def fit(
-    c: Calibrated, leaves: Sequence[Leaf], start: Mapping[str, float], rounds: int = ROUNDS
+    c: Calibrated,
+    leaves: Sequence[Leaf],
+    start: Mapping[str, float],
+    z: Array | None = None,
+    rounds: int = ROUNDS,
 ) -> Fit | None:
     """Fit the parameters named in `start` (values as for a twin without effects); None where the twin cannot
-    stand there."""
+    stand there. `z` (K,): nuisances to start from, by default where calibration left them."""
     problem = c.problem
     own = own_nuisances(c, leaves)
     held = [k for k in range(len(c.nuisances)) if k not in own]
     A = c.jacobian[:, held][c.train]
     sd = np.array([c.nuisances[k].sd for k in held])
-    z = c.z[held].copy()
     names = list(start)
     entries = [problem.table[n] for n in names]
     index = [problem.table.index(n) for n in names]
-    vector, answer = _begin(c, start, index, z)
+    vector, answer, z = _begin(c, start, held, c.z if z is None else z)
     if not np.all(np.isfinite(answer)):
         return None
     x = np.array([p.to_search(float(vector[i])) for p, i in zip(entries, index, strict=True)])
@@ -134,18 +137,20 @@ def fit(
     scale = np.array([step_size(p, s) for p, s in zip(entries, x, strict=True)])
     residual = problem.measured - answer
     white = c.noise.whiten(problem, residual)
-    cost = _total(c, white, z)
     covariance: Array = np.diag((WEAK * scale) ** 2)
     lower = np.concatenate([np.full(len(held), -LIMIT), [e[0] for e in ends]])
     upper = np.concatenate([np.full(len(held), LIMIT), [e[1] for e in ends]])
+    spread = _spread(c, white)
     for _ in range(rounds):
+        cost = _total(c, white, z, spread)
         B = _sensitivities(c, vector, answer, names)
         J = np.hstack([A, B[c.train] * scale])
         here = np.concatenate([z, x / scale])
         ridge = np.concatenate([np.ones(len(held)), np.full(len(x), 1.0 / WEAK)])
         new, information = _robust_step(
-            J, white[c.train], here, ridge, lower / _units(held, scale), upper / _units(held, scale)
-        )
+            J, white[c.train], here, ridge,
+            lower / _units(held, scale), upper / _units(held, scale), spread,
+        )  # fmt: skip
         inverse = np.asarray(np.linalg.pinv(information), dtype=np.float64)
         covariance = inverse[len(held) :, len(held) :] * np.outer(scale, scale)
         gained = 0.0
@@ -158,13 +163,17 @@ def fit(
                 continue
             left = problem.measured - answer_new
             white_new = c.noise.whiten(problem, left)
-            cost_new = _total(c, white_new, point[: len(held)])
+            cost_new = _total(c, white_new, point[: len(held)], spread)
             if cost_new < cost:
                 gained = cost - cost_new
-                vector, answer, residual, white, cost = trial, answer_new, left, white_new, cost_new
+                vector, answer, residual, white = trial, answer_new, left, white_new
                 z, x = point[: len(held)], point[len(held) :] * scale
                 break
-        if gained < SETTLED * max(cost / max(c.train.sum(), 1), 0.02) * c.train.sum():
+        before, spread = spread, _spread(c, white)
+        if (
+            gained < SETTLED * max(cost / max(c.train.sum(), 1), 0.02) * c.train.sum()
+            and spread > 0.8 * before
+        ):
             break
     full_z = np.array(c.z)
     full_z[held] = z
@@ -180,33 +189,47 @@ def fit(
     )  # fmt: skip
 
 
+def _spread(c: Calibrated, white: Array) -> float:
+    """Of a whitened residual, at least 1: the robust loss is widened to it while a fit is far from the data,
+    where it would be flat."""
+    return max(1.0, 1.4826 * float(np.median(np.abs(white[c.train]))))
+
+
 def _begin(
-    c: Calibrated, start: Mapping[str, float], index: Sequence[int], z: Array
-) -> tuple[Array, Array]:
-    """Parameter vector and answer to start from: a start that is worse than none at all is drawn nearer.
+    c: Calibrated, start: Mapping[str, float], held: Sequence[int], z: Array
+) -> tuple[Array, Array, Array]:
+    """Parameter vector, answer and held nuisances to start from: a start worse than none is drawn nearer.
 
     Amplitudes come from a linear picture, which may promise too much of what these data hardly hold.
     """
-    unmoved = _total(c, c.white, z)
-    best: tuple[float, Array, Array] | None = None
+    spread = _spread(c, c.white)
+    unmoved = _total(c, c.white, c.z[held], spread)
+    best: tuple[float, Array, Array, Array] | None = None
     for share in NEARER:
         vector = np.array(c.vector)
-        for i, (n, value) in zip(index, start.items(), strict=True):
+        moved = np.array(c.z[held])
+        for row, k in enumerate(held):
+            step = share * (float(np.clip(z[k], -LIMIT, LIMIT)) - float(c.z[k]))
+            moved[row] += step
+            vector[c.problem.table.index(c.nuisances[k].name)] += c.nuisances[k].sd * step
+        for n, value in start.items():
+            i = c.problem.table.index(n)
+            p = c.problem.table[n]
             now = float(c.vector[i])
             aim = shifted(c.problem, n, now, value)
-            p = c.problem.table[n]
             is_linear = p.search == "linear" and p.parameter not in ABSOLUTE and np.isfinite(now)
             vector[i] = now + share * (aim - now) if is_linear else aim
         answer = c.problem.answers(vector)[0]
         if np.all(np.isfinite(answer)):
-            cost = _total(c, c.noise.whiten(c.problem, c.problem.measured - answer), z)
+            white = c.noise.whiten(c.problem, c.problem.measured - answer)
+            cost = _total(c, white, moved, spread)
             if best is None or cost < best[0]:
-                best = (cost, vector, answer)
+                best = (cost, vector, answer, moved)
             if cost <= unmoved:
                 break
     if best is None:
-        return vector, answer
-    return best[1], best[2]
+        return vector, answer, moved
+    return best[1:]
 
 
 NEARER: Final = (1.0, 0.3, 0.05)
@@ -233,8 +256,8 @@ def step_size(p: Parameter, x: float) -> float:
     return own
 
 
-def _total(c: Calibrated, white: Array, z: Array) -> float:
-    return float(np.sum(loss(white[c.train])) + 0.5 * z @ z)
+def _total(c: Calibrated, white: Array, z: Array, spread: float) -> float:
+    return float(spread**2 * np.sum(loss(white[c.train] / spread)) + 0.5 * z @ z)
 
 
 def _at(
@@ -294,7 +317,13 @@ def _sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[
 
 
 def _robust_step(
-    J: Array, white: Array, here: Array, ridge: Array, lower: Array, upper: Array
+    J: Array,
+    white: Array,
+    here: Array,
+    ridge: Array,
+    lower: Array,
+    upper: Array,
+    spread: float,
 ) -> tuple[Array, Array]:
     """Bounded robust minimum of the linear problem, and its information matrix there."""
     n = len(here)
@@ -303,7 +332,7 @@ def _robust_step(
     new, information = np.array(here), np.eye(n)
     for _ in range(3):
         left = np.abs(white - J @ (new - here))
-        weight = (FREEDOM + 1.0) / (FREEDOM + left**2)
+        weight = (FREEDOM + 1.0) / (FREEDOM + (left / spread) ** 2)
         weighted = J * weight[:, None]
         information = weighted.T @ J + np.diag(ridge**2)
         gradient = weighted.T @ (white + J @ here) + ridge**2 * centre
@@ -319,6 +348,19 @@ def _robust_step(
     return new, information
 
 
+WAVE: Final = (".amplitude", ".phase")
+
+
+def _wave(columns: Sequence[Changes], amplitudes: Array) -> dict[str, float]:
+    """Amplitude and phase of a sine and, a quarter turn before it, a cosine."""
+    amplitude, phase = sorted(columns[0])
+    a, b = (float(x) for x in amplitudes)
+    return {
+        amplitude: columns[0][amplitude] * float(np.hypot(a, b)),
+        phase: float(np.arctan2(b, a)),
+    }
+
+
 def changes_of(
     leaves: Sequence[Leaf], starts: Sequence[tuple[int, Array]], problem: Problem
 ) -> Changes:
@@ -327,6 +369,9 @@ def changes_of(
     for leaf, (s, amplitudes) in zip(leaves, starts, strict=True):
         start = leaf.starts[s]
         out.update(start.fixed)
+        if len(start.columns) == 2 and all(n.endswith(WAVE) for c in start.columns for n in c):
+            out.update(_wave(start.columns, amplitudes))
+            continue
         for column, a in zip(start.columns, amplitudes, strict=True):
             for name, value in column.items():
                 p = problem.table[name]

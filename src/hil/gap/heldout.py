@@ -141,11 +141,12 @@ def score(
     table = np.array(list(blocks.values()))
     picks = rng.multinomial(len(table), np.full(len(table), 1.0 / len(table)), RESAMPLES)
     was, now, floor = _rms(table.sum(axis=0)[None])[0]
+    floor = min(floor, now)  # what a fit leaves shows that no more than that is noise
     drawn = _rms(picks @ table)
     shrink = _shrink(was, now, floor)
     ci = None
     if shrink is not None:
-        values = [_shrink(*row) for row in drawn]
+        values = [_shrink(b, a, min(f, a)) for b, a, f in drawn]
         found = np.array([v for v in values if v is not None])
         if len(found) > RESAMPLES // 2:
             low, high = np.quantile(found, [0.05, 0.95])

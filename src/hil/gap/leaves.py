@@ -29,6 +29,8 @@ REACHED: Final = 0.995
 GAPS_M: Final = (1e-4, 3e-4, 1e-3, 3e-3)
 DELAYS_S: Final = (0.001, 0.002, 0.003, 0.0045, 0.006, 0.008, 0.01, 0.0125, 0.015, 0.02)
 """Forces have the cycle of the setpoints in them, so a delay has a best value in each cycle."""
+RATES: Final = (2e-5, 3e-4, 1e-3, 3e-3, 6e-3)
+"""Of a clock, s/s: over a record even small ones move signals by more than any linear picture holds."""
 STIFFNESS: Final = (4.0, 1.0, 0.25)
 """Times the scale."""
 WIDTHS_M: Final = (2e-4, 2e-3, 1e-2)
@@ -134,17 +136,24 @@ def _actuator(
     if periods:
         out.append(
             leaf("force_ripple", "amplitude period phase",
-                 [({"period": p, "phase": h}, {"amplitude": f}) for p in periods
-                  for h in (0.0, 0.5 * math.pi)])
+                     [({"period": p}, *_waves(f)) for p in periods])
         )  # fmt: skip
     modes = {piece.mode for piece in problem.pieces}
     if "position" in modes:
         out.append(leaf("transport_delay", "delay", [({}, {"delay": d}) for d in DELAYS_S]))
     out.append(leaf("position_offset", "offset", [({}, {"offset": 1e-3})]))
     lead: list[tuple[Changes, ...]] = [({}, {"scale": 1.005})]
-    lead += [({"period": p}, {"amplitude": 5e-5}) for p in lead_periods(problem, residual, name)]
-    out.append(leaf("lead_error", "scale amplitude period", lead))
+    lead += [({"period": p}, *_waves(5e-5)) for p in lead_periods(problem, residual, name)]
+    out.append(leaf("lead_error", "scale amplitude period phase", lead))
     return out
+
+
+def _waves(amplitude: float) -> tuple[Changes, Changes]:
+    """The columns of a wave of any phase: two that are a quarter turn apart."""
+    return (
+        {"amplitude": amplitude, "phase": 0.0},
+        {"amplitude": amplitude, "phase": 0.5 * math.pi},
+    )
 
 
 def _reached(problem: Problem, actuator: str, limit: str) -> float | None:
@@ -216,10 +225,16 @@ def _platform(problem: Problem) -> list[Leaf]:
         out.append(Leaf("sensor_latency", "imu", (late,), starts, None))
         linear("sensor_scale", "imu", ("scale",))
         linear("sensor_misalignment", "imu", "xyz")
-        linear("clock_drift", "imu", ("rate",))
+        out.append(_clock("imu"))
     if any(not s.startswith("imu.") for s in problem.signals):
-        linear("clock_drift", "drives", ("rate",))
+        out.append(_clock("drives"))
     return out
+
+
+def _clock(group: str) -> Leaf:
+    name = f"{group}.clock_drift.rate"
+    starts = tuple(Start({}, ({name: sign * r},)) for r in RATES for sign in (1.0, -1.0))
+    return Leaf("clock_drift", group, (name,), starts, None)
 
 
 def _full(prefix: str, values: Changes) -> dict[str, float]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.errors import IdentificationError
+from hil.gap.standstill import at_rest
 from hil.gap.ticks import Clocks, at_ticks
 from hil.identify.replay import Stretch
 from hil.sim.parameters import ParameterTable
@@ -108,6 +109,9 @@ class Problem:
             [self._samples(x)[0] >= loose[x.stretch][x.actuator] for x in series]
         )
         """(N,) samples that are judged."""
+        for x in series:
+            if x.quantity in ("force", "current") and x.actuator in rig.actuator_names:
+                self.kept[x.part] &= ~at_rest(self.sent[x.stretch], x.actuator, self.t_s[x.part])
         if not self.kept.any():
             raise IdentificationError(
                 f"{', '.join(p.name for p in pieces)}: nothing moved by {1e3 * LOOSE:g} mm or mrad: there is "

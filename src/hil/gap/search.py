@@ -36,6 +36,8 @@ class Proposal:
     leaves: tuple[int, ...]
     starts: tuple[tuple[int, Array], ...]
     gain: float
+    z: Array
+    """(K,) nuisances that go with it."""
 
 
 class Search:
@@ -53,15 +55,18 @@ class Search:
         self.raw: Array = np.diag(raw)
         """(M,) squared whitened size of each column before the nuisances took their part."""
         inner = (T.T @ r.astype(np.float32)).astype(float)
+        self._z = c.z
         free = np.abs(c.z) < LIMIT - 1e-3
         # Nuisances at their bounds would go on outwards, or come back once an effect is there: both are seen.
-        self._pictures: list[tuple[Array, Array]] = []
+        self._pictures: list[tuple[Array, Array, Array]] = []
         for some in (free, np.ones_like(free)) if not free.all() else (free,):
             A = c.jacobian[rows][:, some]
             H = A.T @ A + np.eye(A.shape[1])
             AT = (A.T.astype(np.float32) @ T).astype(float)
             S = np.linalg.solve(H, np.column_stack([AT, A.T @ r - c.z[some]]))
-            self._pictures.append((raw - AT.T @ S[:, :-1], inner - AT.T @ S[:, -1]))
+            moves = np.zeros((len(free), S.shape[1]))
+            moves[some] = S
+            self._pictures.append((raw - AT.T @ S[:, :-1], inner - AT.T @ S[:, -1], moves))
 
     def felt(self, start: Mapping[str, float]) -> dict[str, float]:
         """`start` without parameters whose own columns change nothing that these data would show."""
@@ -84,7 +89,7 @@ class Search:
         for starts in itertools.product(*(range(len(self.bank.places[k])) for k in leaves)):
             columns = [self.bank.places[k][s] for k, s in zip(leaves, starts, strict=True)]
             index = [i for c in columns for i in c]
-            for gram, inner in self._pictures:
+            for gram, inner, moves in self._pictures:
                 G = gram[np.ix_(index, index)]
                 size = np.sqrt(np.maximum(np.diag(G), 1e-12))
                 scaled = G / np.outer(size, size) + RIDGE * np.eye(len(index))
@@ -92,7 +97,8 @@ class Search:
                 if best is None or gain > best.gain:
                     ends = np.cumsum([len(c) for c in columns])[:-1]
                     parts = tuple(zip(starts, np.split(a, ends), strict=True))
-                    best = Proposal(leaves, parts, gain)
+                    z = self._z + moves[:, -1] - moves[:, index] @ a
+                    best = Proposal(leaves, parts, gain, np.clip(z, -LIMIT, LIMIT))
         return best
 
     def _bounded(
@@ -130,6 +136,6 @@ ONE_SIDED: Final = frozenset(
 )
 LIMITS: Final = frozenset({"force_saturation", "velocity_saturation"})
 """Their starts are read from the record: nothing to scale."""
-NEAR: Final = frozenset({"backlash", "transport_delay", "sensor_latency"})
+NEAR: Final = frozenset({"backlash", "transport_delay", "sensor_latency", "clock_drift"})
 """Effects that grow in no proportion to their parameter: only near a start is its column what they do."""
 NEAR_RANGE: Final = (0.8, 1.25)

@@ -25,15 +25,17 @@ from hil.gap.shares import explained, largest_ratio
 
 Array = NDArray[np.float64]
 
-EXPLAINED: Final = 0.72
+EXPLAINED: Final = 0.62
 """Share of the gap's energy that a verdict must explain, half of the time [set on training cases]."""
-SOFT: Final = 0.06
+SOFT: Final = 0.05
 SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
 """Floors on any signal over the whole record that are a gap, however short its parts."""
 CLEAR: Final = 15.0
 """Nats of evidence from which on a candidate is more than a chance among many [set on training cases]."""
+CHANCE: Final = 5.0
+"""Nats below which the best of many candidates may be one by chance."""
 MATERIAL: Final = 0.75
 """Floors that its trace must have on some signal."""
 VISIBLE: Final = 0.3
@@ -75,7 +77,7 @@ def answer(
         return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
     share = 1.0 if first.leaves[0].effect == ROUNDED else explained(c, none, first)
     unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
-    if gain < CLEAR:
+    if gain < CHANCE:
         unknown = max(unknown, 0.9)
     rng = np.random.default_rng(seed + 2)
     shown = _Shown(located, none, held, rng)

@@ -102,6 +102,7 @@ ACTUATOR: Effects = {
         Spec("scale", "1", 1.0, 0.8, 1.2, 5e-3),
         Spec("amplitude", "m", 0.0, 0.0, 1e-3, 5e-5),
         Spec("period", "m", 0.005, 1e-4, 1.0, 0.005),
+        Spec("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, 1.0),
     ),
 }  # fmt: skip
 

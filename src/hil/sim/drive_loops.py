@@ -35,8 +35,9 @@ def encoder(act, i, x):  # type: ignore[no-untyped-def]
     ratio = 1.0 / act[lay.A_LEAD, i]
     if act[lay.A_LEAD_A, i] != 0.0:
         w = 2.0 * math.pi / act[lay.A_LEAD_P, i]
-        reading -= act[lay.A_LEAD_A, i] * math.sin(w * (x - home))
-        ratio -= act[lay.A_LEAD_A, i] * w * math.cos(w * (x - home))
+        turn = w * (x - home) + act[lay.A_LEAD_PHASE, i]
+        reading -= act[lay.A_LEAD_A, i] * math.sin(turn)
+        ratio -= act[lay.A_LEAD_A, i] * w * math.cos(turn)
     return reading, ratio
 
 

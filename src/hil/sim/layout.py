@@ -53,6 +53,7 @@ P_OFFSET = _a("position_offset", "offset")
 P_LEAD = _a("lead_error", "scale")
 P_LEAD_A = _a("lead_error", "amplitude")
 P_LEAD_P = _a("lead_error", "period")
+P_LEAD_PHASE = _a("lead_error", "phase")
 ACTUATOR_SIZE = size(ACTUATOR)
 
 _SENSOR = sensor_effects("", 1.0)
@@ -91,9 +92,9 @@ the IMU's answers s, delay of the drives' answers s, whether arrivals act betwee
     A_KP, A_KV, A_KI, A_KFV, A_KFA, A_KFF, A_MEFF, A_CURRENT_W, A_STATIC_FF, A_PD, A_FORCE_PER_A,
     A_BRAKE, A_FF_VISCOUS, A_FF_COULOMB, A_STRIBECK_C, A_STRIBECK_D, A_STRIBECK_V, A_LOAD, A_LOAD_ASYM,
     A_GAP, A_HYST_F, A_HYST_X, A_STIFFNESS, A_DAMPING, A_RIPPLE_A, A_RIPPLE_P, A_RIPPLE_PHASE,
-    A_FORCE_SCALE, A_DELAY, A_OFFSET, A_LEAD, A_LEAD_A, A_LEAD_P,
-) = range(42)  # fmt: skip
-A_ROWS = 42
+    A_FORCE_SCALE, A_DELAY, A_OFFSET, A_LEAD, A_LEAD_A, A_LEAD_P, A_LEAD_PHASE,
+) = range(43)  # fmt: skip
+A_ROWS = 43
 """Rows of the actuators' constants, SI at the output; A_STRIBECK_D is static minus Coulomb friction."""
 
 BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13

@@ -191,6 +191,7 @@ def apply_parameters(base, p, out):  # type: ignore[no-untyped-def]
         act[lay.A_LEAD, i] = x[lay.P_LEAD]
         act[lay.A_LEAD_A, i] = x[lay.P_LEAD_A]
         act[lay.A_LEAD_P, i] = x[lay.P_LEAD_P]
+        act[lay.A_LEAD_PHASE, i] = x[lay.P_LEAD_PHASE]
     at = n * lay.ACTUATOR_BLOCK
     static = p[at + lay.PL_STATIC]
     for i in range(n):

@@ -1,0 +1,40 @@
+"""Where forces say nothing of the rig: at rest, friction holds whatever force it was left with.
+
+A drive's integrator may keep its force, creep may let it go; both are friction at rest, within its band, and
+depend on laws and history that no rig file holds. So forces are judged while setpoints move.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.identify.replay import Stretch
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SLOW: Final = 2e-4
+"""m/s or rad/s: setpoints that move slower stand still."""
+SETTLES_S: Final = 0.1
+"""After the last move, forces are still those of braking."""
+AHEAD_S: Final = 0.02
+FEWEST: Final = 50
+"""Samples that must be left; a record that hardly moves is judged as it is."""
+
+
+def at_rest(piece: Stretch, actuator: str, t_s: Array) -> Mask:
+    """Which of the instants `t_s` (N,) find the actuator commanded to stand still."""
+    t, told = piece.setpoints[actuator]
+    if piece.mode != "position" or len(t) < 2:
+        return np.zeros(len(t_s), dtype=bool)
+    moving = t[1:][np.abs(np.diff(told)) > SLOW * np.maximum(np.diff(t), 1e-6)]
+    if not len(moving):
+        return np.zeros(len(t_s), dtype=bool)
+    k = np.searchsorted(moving, t_s)
+    since = t_s - np.where(k > 0, moving[np.maximum(k - 1, 0)], -np.inf)
+    until = np.where(k < len(moving), moving[np.minimum(k, len(moving) - 1)], np.inf) - t_s
+    out = (since > SETTLES_S) & (until > AHEAD_S)
+    return out if np.count_nonzero(~out) >= FEWEST else np.zeros(len(t_s), dtype=bool)

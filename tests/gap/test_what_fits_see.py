@@ -1,0 +1,69 @@
+"""What is judged and what is held out: no forces at rest, and always something for fits to go by."""
+
+import numpy as np
+import pytest
+
+from hil.gap import diagnose, locate
+from hil.gap.heldout import split
+from hil.gap.standstill import at_rest
+from hil.identify.replay import Stretch
+from tests.gap.twin_runs import AXIS, effect, record
+
+
+def ramp_and_hold(mode="position"):
+    """Two seconds at 10 mm/s, three at rest, one on the way back."""
+    sent = np.arange(0.0, 6.0, 0.01)
+    told = np.interp(sent, [0.0, 2.0, 5.0, 6.0], [0.0, 0.02, 0.02, 0.01])
+    return Stretch("run", {"axis": (sent, told)}, {}, mode)
+
+
+def test_forces_at_rest_are_those_after_braking_until_the_next_move():
+    t = np.linspace(0.0, 6.0, 601)
+    resting = at_rest(ramp_and_hold(), "axis", t)
+    assert resting[(t > 2.15) & (t < 4.95)].all()
+    assert not resting[(t < 2.05) | (t > 5.0)].any()
+
+
+def test_forces_that_are_commanded_are_judged_at_rest_too():
+    assert not at_rest(ramp_and_hold("force"), "axis", np.linspace(0.0, 6.0, 601)).any()
+
+
+@pytest.fixture(scope="module")
+def held_still():
+    """A healthy record that ends with three seconds of rest in which friction lets its force go."""
+    run = record()
+    still = run["t"] > 11.0
+    told = run.loc[run["t"] <= 11.0, "axis.setpoint"].dropna().iloc[-1]
+    out = run.copy()
+    out.loc[still & run["axis.setpoint"].notna(), "axis.setpoint"] = told
+    out.loc[still & run["axis.position"].notna(), "axis.position"] = told
+    out.loc[still & run["axis.force"].notna(), "axis.force"] = 0.0
+    return out
+
+
+def test_what_friction_does_with_force_at_rest_is_no_gap(held_still):
+    before = held_still[held_still["t"] < 11.0]
+    problem = locate(held_still, AXIS).evidence.problem
+    force = next(x.part for x in problem.series if x.quantity == "force")
+    late = problem.t_s[force] > 11.5
+    assert not problem.kept[force][late].any()
+    assert problem.kept[force][~late].sum() > 0.8 * before["axis.force"].notna().sum() - 100
+
+
+def test_of_a_lone_run_the_end_is_held_out_or_the_beginning_where_all_of_the_gap_is_at_the_end():
+    found = locate(record(effect("coulomb_friction", force=60.0)), AXIS)
+    e = found.evidence
+    assert split(e.problem, e.noise, e.residual).text.startswith("the last")
+    start, end = e.problem.pieces[0].span_s
+    late = e.problem.t_s > start + 0.7 * (end - start)
+    only_late = np.where(late, e.residual, e.noise.draws[0])
+    parts = split(e.problem, e.noise, only_late)
+    assert parts.text.startswith("the first")
+    assert parts.train(e.problem)[late].all()
+
+
+def test_of_several_runs_the_one_with_all_of_the_gap_is_never_held_out():
+    runs = [record(seed=2), record(effect("coulomb_friction", force=60.0), seed=3)]
+    found = diagnose(runs, AXIS)
+    assert found.verdict != "no_gap"
+    assert (found.causes[0].effect, found.causes[0].location) == ("coulomb_friction", "axis")
