@@ -38,6 +38,9 @@ CHANCE: Final = 5.0
 """Nats below which the best of many candidates may be one by chance."""
 MATERIAL: Final = 0.75
 """Floors that its trace must have on some signal."""
+HOLDS: Final = 0.2
+"""Held-out shrink below which a verdict is withdrawn, where the gap stands STANDS floors high there."""
+STANDS: Final = 1.3
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 CI: Final = 1.645
@@ -81,13 +84,15 @@ def answer(
         unknown = max(unknown, 0.9)
     rng = np.random.default_rng(seed + 2)
     shown = _Shown(located, none, held, rng)
+    signals = touched(c, none, first) or c.problem.signals
+    part, whole = shown.score(first, signals), shown.score(first, c.problem.signals)
+    if part.shrink is not None and part.shrink < HOLDS and part.before > STANDS * part.floor:
+        unknown = max(unknown, 0.9)  # unseen data do not bear it out
     causes = _causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(
         next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
         for leaf in first.leaves
     )
-    signals = touched(c, none, first) or c.problem.signals
-    part, whole = shown.score(first, signals), shown.score(first, c.problem.signals)
     verdict, sentence = judge(chosen, causes, unknown, part.shrink)
     return Diagnosis(
         located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
