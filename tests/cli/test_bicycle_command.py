@@ -3,12 +3,15 @@
 import json
 import re
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from hil.bicycle.weave import SteerControl, model_weave
 from hil.cli.bicycle import app, with_effects
 from hil.configfile import load_bicycle
 from hil.errors import ConfigError, RunError
+from hil.rigs.bicycle import canonical, pack
 
 run = CliRunner().invoke
 
@@ -78,3 +81,53 @@ def test_a_run_without_a_bicycle_says_so(tmp_path):
     result = run(app, ["analyse", str(tmp_path)])
     assert isinstance(result.exception, RunError)
     assert "name one with --rig" in str(result.exception)
+
+
+def test_a_track_that_nobody_rides_is_named(tmp_path):
+    result = run(app, ["simulate", str(tmp_path / "x"), "--track", "wheelie"])
+    assert isinstance(result.exception, ConfigError)
+    assert "u-turns, slalom" in str(result.exception)
+
+
+def struck(folder):
+    """Logs of a bicycle whose steer motor gives three quarters of what it is told, and their windows."""
+    linear = canonical(pack(load_bicycle("bicycle_delft")))
+    control = SteerControl(2.0, 6.5)
+    windows = []
+    for v in (2.0, 3.0, 4.0, 5.0):
+        weave = model_weave(linear, v, control, near=-2.3 + 8.5j, motor=0.75)
+        t = 0.01 * np.arange(120)
+        rows = ["lean_rate,speed"]
+        for k in range(2):
+            swing = (0.3 + 0.1 * k) * np.exp(weave.real * t) * np.cos(weave.imag * t)
+            rows += [f"{rate:.9f},{v}" for rate in swing.tolist()]
+            windows.append(
+                {"file": f"{v}.csv", "speed_mps": v, "start": 120 * k, "stop": 120 * (k + 1),
+                 "p0": [-2.0, 8.0, 0.0, 0.3, 0.1], "set": "OFF"}
+            )  # fmt: skip
+        (folder / f"{v}.csv").write_text("\n".join(rows))
+    (folder / "w.json").write_text(json.dumps(windows))
+
+
+def test_weave_ranks_what_makes_a_struck_bicycle_differ(tmp_path):
+    struck(tmp_path)
+    words = [
+        "weave",
+        str(tmp_path / "w.json"),
+        "--logs",
+        str(tmp_path),
+        "--gain",
+        "2",
+        "--top",
+        "6.5",
+    ]
+    result = run(app, [*words, "--json"])
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    causes = {c["cause"]: c for c in said["causes"]}
+    assert causes["motor gain"]["values"]["motor"] == pytest.approx(0.75, abs=0.02)
+    assert causes["motor gain"]["shrink"] > 0.9
+    assert said["speed_gain"] == pytest.approx([1.0, 0.0], abs=1e-9)
+    assert "frequency, rad/s" in run(app, words).stdout
+    nothing = run(app, [*words, "--set", "ON"])
+    assert "no window whose set ends with 'ON'" in str(nothing.exception)

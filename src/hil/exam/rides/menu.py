@@ -98,7 +98,7 @@ def _turned(rng: Rng) -> Recipe:
 
 def _clock(rng: Rng) -> Recipe:
     way = sign(rng)
-    return Recipe("clock_drift", "imu", lambda s: {"rate": way * s}, 1e-3, 0.02, 3e-4)
+    return Recipe("clock_drift", "imu", lambda s: {"rate": way * s}, 1e-3, 9e-3, 3e-4)
 
 
 EFFECTS: Final[dict[str, Callable[[Rng], Recipe]]] = {
