@@ -1,7 +1,7 @@
 """Six CiA 402 drives that cost nearly nothing, behind sockets that look like hubs, and a stopwatch at them.
 
 What is asked over SDO and NMT the simulated drives answer; targets and SYNC, a thousand times a second, are
-answered here, by drives that are where they were told to be. The kernel stamps every frame that comes:
+answered here, by drives that are where they were told to be, if they can. The kernel stamps every frame:
 lateness and missed setpoints are measured where they matter, at the drives, and alike for every master.
 """
 
@@ -53,8 +53,11 @@ class Seen:
 class LightDrive:
     """One drive: ideal in operation, simulated in everything else."""
 
-    def __init__(self, drive: SimulatedCia402) -> None:
+    def __init__(self, drive: SimulatedCia402, fastest: float) -> None:
+        """`fastest`, increments/s: after a missed target it does not jump."""
         self.drive = drive
+        self._fastest = fastest
+        self._sync_s = -1.0
         self.frames = drive.frames
         self._word = -1
         self._target = self._position = 0
@@ -74,12 +77,14 @@ class LightDrive:
         """Its answer, and whether it missed a target."""
         if self.is_on:
             missed, self._is_new = not self._is_new, False
-            self._position = self._target
-            self.drive._data.sync_s = now_s
+            most = int(self._fastest * (now_s - self._sync_s))
+            self._position += min(max(self._target - self._position, -most), most)
+            self._sync_s = self.drive._data.sync_s = now_s
             return Frame(self.frames.tpdo, ANSWER.pack(self._status, self._position, 0)), missed
         answers = self.drive.on_frame(now_s, Frame(codec.SYNC_ID))
         self.is_on = self.drive.power is PowerState.OPERATION_ENABLED
         self._status, self._is_new = self.drive.status_word, False
+        self._position, self._sync_s = self.drive.motion.actual("position", now_s), now_s
         return (answers[0][1] if answers else None), False
 
 
@@ -92,7 +97,11 @@ class Bench:
         simulated.plant.set_setpoint = lambda i, value, at_s: None  # type: ignore[method-assign]
         drives = [d for d in simulated.drives if isinstance(d, SimulatedCia402)]
         self._on_bus = [
-            [LightDrive(d) for d, a in zip(drives, rig.actuators, strict=True) if a.drive.bus == k]
+            [
+                LightDrive(d, a.velocity_max * a.drive.counts_per_unit)
+                for d, a in zip(drives, rig.actuators, strict=True)
+                if a.drive.bus == k
+            ]
             for k in range(len(paths))
         ]
         self._by_target = [{d.frames.rpdo: d for d in drives} for drives in self._on_bus]

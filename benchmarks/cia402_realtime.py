@@ -51,8 +51,11 @@ COLUMNS = (
 def rig_at(cycle_s: float) -> RigFile:
     """The hexapod at this cycle, without IMU: the bench has none."""
     timing = {"cycle": cycle_s, "setpoint_delay": cycle_s + 0.00015}
+    safety = {"overrun_cycles": round(0.02 / cycle_s)}
     patient = {"stale": 2.0}  # a client that others keep from running is not what is timed
-    return variant("stewart_canopen", bus=timing, cue=patient).model_copy(update={"imu": None})
+    return variant("stewart_canopen", bus=timing, cue=patient, safety=safety).model_copy(
+        update={"imu": None}
+    )
 
 
 @contextmanager

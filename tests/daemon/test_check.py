@@ -16,7 +16,7 @@ from hil.daemon.check import Probe, check_contradictions
 from hil.daemon.check_bus import check_bus, check_interface
 from hil.daemon.check_drives import check_drives
 from hil.daemon.check_host import check_daemon, check_disk, check_endpoints
-from hil.daemon.check_pc import check_pc
+from hil.daemon.check_pc import check_cycle, check_pc
 from hil.daemon.lock import RigLock
 from hil.sim.rig import SimulatedRig
 from hil.sim.serve import SimulatedRigServer
@@ -347,3 +347,14 @@ def test_nothing_is_asked_while_a_daemon_has_the_bus(tmp_path, rig):
         found = check_drives(rig, PROFILES, Probe(asks=True))
     assert trouble(found) == {"drives": "fault"}
     assert "already run" in found[0].text
+
+
+def test_the_processor_time_of_fast_cycles_is_told():
+    assert check_cycle(RIG) == []
+    (fits,) = check_cycle(rig_file("stewart_canopen"))
+    assert fits.level == "ok"
+    fast = rig_file("stewart_canopen", bus={"cycle": 0.001, "setpoint_delay": 0.00115})
+    (tight,) = check_cycle(fast)
+    assert tight.level == "warn"
+    assert "six axes at 1 kHz took 69 %" in tight.text
+    assert "bus.cycle = 0.002 with bus.setpoint_delay = 0.00215" in tight.remedy

@@ -49,10 +49,11 @@ def check_rig(
     from hil.daemon.check_bus import check_bus
     from hil.daemon.check_drives import check_drives
     from hil.daemon.check_host import check_daemon, check_disk, check_endpoints, check_model
-    from hil.daemon.check_pc import check_pc
+    from hil.daemon.check_pc import check_cycle, check_pc
 
     found = check_contradictions(rig, profiles)
     found += check_pc(root)
+    found += check_cycle(rig)
     found += check_bus(rig, root)
     daemon = check_daemon(rig)
     found += [*daemon, *check_endpoints(rig, is_running=daemon[0].level != "ok"), *check_disk(rig)]

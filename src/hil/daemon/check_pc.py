@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import os
 import resource
 from pathlib import Path
 from typing import Final
 
+from hil.config import RigFile
 from hil.daemon.check import Finding
 from hil.daemon.realtime import PRIORITY
 
@@ -14,6 +16,10 @@ _SERVICE: Final = "etc/systemd/system/hild.service"
 _CAP_IPC_LOCK: Final = 14
 _CAP_SYS_NICE: Final = 23
 _STEADY_CLOCKS: Final = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page")
+BASE_S: Final = 0.1e-3
+AXIS_S: Final = 0.1e-3
+"""Processor time of a cycle and of each axis in it: `python -m benchmarks cia402`, as docs/figures.md has it."""
+_COMFORTABLE: Final = 0.5
 _RT_SHARE: Final = 0.9
 """The loop needs a few percent of one processor; less than this much left to real time is a misfit."""
 
@@ -28,6 +34,26 @@ def check_pc(root: Path) -> list[Finding]:
         _clock(root),
         _load(root),
     ]
+
+
+def check_cycle(rig: RigFile) -> list[Finding]:
+    """Whether a processor has the time that a fast rig's cycles take."""
+    if rig.bus.schedule != "fast":
+        return []
+    axes, cycle_s = len(rig.actuators), rig.bus.cycle
+    share = (BASE_S + AXIS_S * axes) / cycle_s
+    text = (
+        f"{axes} {'axes' if axes > 1 else 'axis'} at {1.0 / cycle_s:.0f} Hz take about {share:.0%} of a "
+        "processor (measured on one of 2 CPUs: six axes at 1 kHz took 69 %)"
+    )
+    if share <= _COMFORTABLE:
+        return [Finding("ok", "cycle", text)]
+    fits_s = math.ceil((BASE_S + AXIS_S * axes) / _COMFORTABLE * 1e3) * 1e-3
+    remedy = (
+        f"leave a processor to the daemon alone and watch `hil latency`, or set bus.cycle = {fits_s:g} with "
+        f"bus.setpoint_delay = {fits_s + rig.bus.setpoint_delay - cycle_s:g}"
+    )
+    return [Finding("warn", "cycle", f"{text}: setpoints will come late now and then", remedy)]
 
 
 def _fifo(root: Path) -> Finding:

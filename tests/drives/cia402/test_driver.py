@@ -208,7 +208,7 @@ def test_a_reboot_while_running_is_a_fault_and_after_a_reset_all_is_written_anew
 def test_a_fault_is_reset_by_an_edge_and_never_by_itself():
     x = Exchange()
     x.enable()
-    x._answer(x.drives[0].set_fault(0x2310))
+    x.answer(x.drives[0].set_fault(0x2310))
     x.run(0.5, PowerGoal.ON)
     assert "continuous overcurrent" in x.error()
     x.run(0.5, PowerGoal.OFF)
@@ -361,7 +361,7 @@ def test_one_two_and_three_missed_setpoints_do_what_the_file_says(reactions, mov
     x.run(0.05, PowerGoal.ON, lambda t: [step * t / x.rig.bus.cycle])
     drive, ids = x.drives[0], Frame(codec.SYNC_ID)
     x.master_speaks = False
-    x._drain(x.now_s + 0.3e-3)
+    x.drain(x.now_s + 0.3e-3)
     drive.on_frame(x.now_s, ids)  # takes the last one that was sent
     start = x.plant.positions[0]
     for k, expected in enumerate(moved):

@@ -225,7 +225,7 @@ def test_a_daemon_that_dies_leaves_drives_that_stop_and_are_heard_again() -> Non
     assert x.plant.modes == ["off"] * 3, "the drives' own watchdogs stopped them"
     y = Exchange(x.rig)
     y.drives, y.plant = x.drives, x.plant
-    y.now_s, y._cycle = x.now_s, x._cycle
+    y.now_s, y.cycle = x.now_s, x.cycle
     y.run(1.0)
     assert y.named("system_stop"), "they had been addressed: nothing logs on by itself"
     for i in range(3):
