@@ -45,7 +45,8 @@ def make(
         ),
     ] = 1000,
     rigs: Annotated[
-        str, typer.Option("--rigs", help="Rigs, taken in turn: axis,motorcycle,stewart; or bicycle.")
+        str,
+        typer.Option("--rigs", help="Rigs, taken in turn: axis,motorcycle,stewart; or bicycle."),
     ] = ",".join(RIGS),
     severity: Annotated[
         str,
