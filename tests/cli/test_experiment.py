@@ -9,6 +9,7 @@ from hil.cli.app import app
 from hil.errors import ConfigError, RigNotReached
 from hil.identify.experiments import experiment_of
 from hil.runs import load_run
+from hil.runs.folder import Payload
 
 run = CliRunner().invoke
 STEP = ["experiment", "axis", "step", "--count", "1", "--hold", "0.5"]
@@ -138,3 +139,20 @@ def test_workspace_of_an_axis_is_a_table():
     result = run(app, ["rig", "workspace", "axis"], catch_exceptions=False)
     assert "-250.0" in result.output
     assert "100 % of the box" in result.output
+
+
+def test_an_experiment_is_played_again_with_the_payload_that_it_asks_for(tmp_path):
+    asked = tmp_path / "asked"
+    assert run(app, [*STEP, "--dry-run", str(asked)]).exit_code == 0
+    again = ["experiment", "axis", "play", str(asked / "experiment.toml"), "--weighed"]
+    with pytest.raises(ConfigError, match="asks for no payload"):
+        run(app, again, catch_exceptions=False)
+    text = (asked / "experiment.toml").read_text()
+    (asked / "experiment.toml").write_text(
+        text.replace("[plan]", "[payload]\nmass = 20.0\n\n[plan]", 1)
+    )
+    result = run(app, [*again, "--runs", str(tmp_path / "runs")], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert load_run(folder).meta.payload == Payload(mass=20.0)
+    assert "platform.payload_mass.mass=20.0" in experiment_of(folder).played.effects

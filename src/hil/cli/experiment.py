@@ -1,23 +1,19 @@
-"""`hil experiment`: motions that tell what a rig is like, designed within its limits, played, recorded.
-
-Each kind's options are the fields of its plan: one place says what there is, its unit and its bounds.
-"""
+"""`hil experiment`: motions that tell what a rig is like, designed within its limits, played, recorded."""
 
 from __future__ import annotations
 
 import inspect
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import GenericAlias, UnionType
-from typing import Annotated, Any, Final, Literal, get_args, get_origin
+from typing import Annotated, Any, Final
 
 import typer
-from pydantic.fields import FieldInfo
 from rich.table import Table
 
 from hil.cli.console import RigArgument, err, out, write_json
 from hil.cli.options import ModeOption, SeedOption, profiles_of, rig_with
+from hil.cli.plan_options import options_of, values_of
 from hil.client import RigClient
 from hil.config import Effect, RigFile
 from hil.configfile import parse_settings
@@ -33,6 +29,7 @@ from hil.identify.experiments import (
     write_experiment,
 )
 from hil.identify.experiments.custom import read_custom
+from hil.identify.experiments.payload import bolted
 from hil.identify.experiments.play import play_on_rig, play_simulated
 from hil.runs.folder import Payload, read_meta, write_meta
 from hil.sim.parameters import ParameterTable
@@ -43,8 +40,6 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 PAGE: Final = "experiment.html"
-SAME: Final = {"duration_s": "duration", "period_s": "period", "fade_s": "fade", "hold_s": "hold"}
-"""Options are named without their unit, which stands in the help."""
 
 
 @app.callback()
@@ -99,8 +94,7 @@ def _play(
         plan, motion = read_custom(plan)
     effects = read_effects(rig, effect or [])
     if payload is not None and endpoint is None:
-        bolted = {"mass": payload.mass}
-        effects += (Effect(effect="payload_mass", location="platform", parameters=bolted),)
+        effects += bolted(rig, payload)
     made = design(plan, rig, motion)
     if not json:
         show(made)
@@ -214,46 +208,20 @@ def _on_rig(made: Design, rig: RigFile, endpoint: str, runs: Path) -> Path:
         return play_on_rig(made, rig, client, runs, endpoint=endpoint, on_progress=progress)
 
 
-def _option(name: str, field: FieldInfo) -> inspect.Parameter:
-    """A command-line option for a field of a plan; lists are given with commas between."""
-    kind: Any = field.annotation
-    origin = get_origin(kind)
-    if isinstance(kind, GenericAlias | UnionType) or origin in (tuple, Literal):
-        choices = "|".join(get_args(kind)) if origin is Literal else "A,B,..."
-        option, kind = typer.Option(f"--{_flag(name)}", help=_help(field), metavar=choices), str
-    else:
-        option = typer.Option(f"--{_flag(name)}", help=_help(field))
-    default: Any = ... if field.is_required() else field.get_default()
-    if origin is tuple:
-        default = ",".join(map(str, default))
-    return inspect.Parameter(
-        name,
-        inspect.Parameter.KEYWORD_ONLY,
-        default=inspect.Parameter.empty if default is ... else default,
-        annotation=Annotated[kind, option],
-    )
-
-
-def _flag(name: str) -> str:
-    return SAME.get(name, name).replace("_", "-")
-
-
-def _help(field: FieldInfo) -> str:
-    return (field.description or "").capitalize()
-
-
-def _values(model: type[Plan], given: dict[str, Any]) -> dict[str, Any]:
-    """What was given on the command line, with lists taken apart."""
-    values = dict(given)
-    for name, field in model.model_fields.items():
-        if get_origin(field.annotation) is tuple and name in values:
-            values[name] = [part.strip() for part in values[name].split(",") if part.strip()]
-    return values
-
-
 def _command(kind: str, model: type[Plan]) -> Callable[..., None]:
     """The command of a kind: its plan's fields and the options of playing."""
-    fields = {n: f for n, f in model.model_fields.items() if n not in ("kind", "sha256")}
+
+    def plan(context: typer.Context, **given: Any) -> dict[str, Any]:
+        whose = f"hil experiment {context.obj} {kind}"
+        return {"plan": parse_settings(values_of(model, given), model, whose)}
+
+    return _with_playing(plan, options_of(model), model.__doc__)
+
+
+def _with_playing(
+    plan: Callable[..., dict[str, Any]], own: Iterable[inspect.Parameter], doc: str | None
+) -> Callable[..., None]:
+    """A command that plays what `plan` makes of its `own` options; with the options of playing."""
     playing = [
         p
         for p in inspect.signature(_play, eval_str=True).parameters.values()
@@ -265,40 +233,17 @@ def _command(kind: str, model: type[Plan]) -> Callable[..., None]:
 
     def command(context: typer.Context, **given: Any) -> None:
         options = {p.name: given.pop(p.name) for p in playing}
-        plan = parse_settings(_values(model, given), model, f"hil experiment {context.obj} {kind}")
-        _play(context, plan, **options)
+        _play(context, **plan(context, **given), **options)
 
-    parameters = [context, *(_option(n, f) for n, f in fields.items()), *playing]
-    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    command.__annotations__ = {p.name: p.annotation for p in parameters}
-    command.__doc__ = model.__doc__
-    return command
-
-
-def _play_command() -> Callable[..., None]:
-    """The command that plays a description's own plan, with the options of playing."""
-    playing = [
-        p
-        for p in inspect.signature(_play, eval_str=True).parameters.values()
-        if p.name not in ("context", "plan", "payload")
-    ]
-    own = inspect.signature(_described, eval_str=True).parameters.values()
-
-    def command(context: typer.Context, **given: Any) -> None:
-        options = {p.name: given.pop(p.name) for p in playing}
-        _play(context, **_described(**given), **options)
-
-    context = inspect.Parameter(
-        "context", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context
-    )
     parameters = [context, *own, *playing]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in parameters}
-    command.__doc__ = _described.__doc__
+    command.__doc__ = doc
     return command
 
 
 def _described(
+    context: typer.Context,
     *,
     file: Annotated[Path, typer.Argument(metavar="EXPERIMENT.toml")],
     weighed: Annotated[
@@ -322,4 +267,9 @@ def _described(
 
 for _kind, _model in PLANS.items():
     app.command(_kind)(_command(_kind, _model))
-app.command("play")(_play_command())
+_OWN = [
+    p
+    for p in inspect.signature(_described, eval_str=True).parameters.values()
+    if p.name != "context"
+]
+app.command("play")(_with_playing(_described, _OWN, _described.__doc__))
