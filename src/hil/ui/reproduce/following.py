@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -26,7 +26,12 @@ CHIRP_RAD: Final = 0.003
 """Of pitch: 3 mm of either leg. At 5 Hz that is 3 rad/s² and 93 rad/s³, which shaping leaves alone."""
 HIGH_HZ: Final = 5.0
 AT_HZ: Final = (1.0, 3.0, 4.5)
+FADE_S: Final = 1.5
 SETTLED: Final = 0.05
+BESIDE_HZ: Final = 0.2
+"""So far from the outermost line of a response its value still stands for the frequency asked for."""
+SURE: Final = 0.3
+"""Lines whose 95 % disc is wider than this share of the response are not shown: the chirp fades there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +64,7 @@ def jobs(rig: RigFile, lengths: Lengths) -> list[Job]:
             f_min=0.2,
             f_max=HIGH_HZ,
             duration_s=lengths.chirp_s,
-            fade_s=1.5,
+            fade_s=FADE_S,
         )
         out += [Job(f"step_{mode.short}", step, own), Job(f"chirp_{mode.short}", chirp, own)]
     return out
@@ -166,20 +171,24 @@ def chirp_section(played: Mapping[str, Played]) -> Section:
     for m, t in traces.items():
         r = responses[m]
         at = {f: _at(r, f) for f in AT_HZ}
-        delay_ms = -1e3 * float(np.angle(at[3.0])) / (2.0 * np.pi * 3.0)
+        three = at[3.0]
+        delay_ms = np.nan if three is None else -1e3 * np.angle(three) / (2.0 * np.pi * 3.0)
         facts |= {f"chirp_rms_{m.short}_mm": t.rms_mm, f"chirp_lag_{m.short}_s": 1e-3 * delay_ms}
         cells = [
-            f"{20.0 * np.log10(abs(g)):+.2f} / {np.degrees(np.angle(g)):.0f}" for g in at.values()
+            "not told"
+            if g is None
+            else f"{20.0 * np.log10(abs(g)):+.2f} / {_round(np.degrees(np.angle(g)), 0)}"
+            for g in at.values()
         ]
-        rows.append((m.name, f"{t.rms_mm:.3f}", *cells, f"{delay_ms:.1f}"))
+        rows.append((m.name, f"{t.rms_mm:.3f}", *cells, _round(delay_ms, 1)))
     servo, torque = traces[SERVO], traces[TORQUE]
     words = prose.CHIRP.filled(
         size=1e3 * CHIRP_RAD,
         high=HIGH_HZ,
         torque=torque.rms_mm,
         servo=servo.rms_mm,
-        torque_ms=1e3 * facts["chirp_lag_torque_s"],
-        servo_ms=1e3 * facts["chirp_lag_servo_s"],
+        torque_ms=_round(1e3 * facts["chirp_lag_torque_s"], 1),
+        servo_ms=_round(1e3 * facts["chirp_lag_servo_s"], 1),
     )
     head = ("", "RMS error, mm", *(f"{f:g} Hz: dB / °" for f in AT_HZ), "lag at 3 Hz, ms")
     return Section(words, (panels(parts, columns=2, height=240),), Table(head, tuple(rows)), facts)
@@ -206,9 +215,26 @@ def _reaches(t: Array, y: Array, level: float) -> float:
 
 def _response(p: Played) -> FrequencyResponse:
     found = analyse([p.run], p.job.rig, output_name="pitch", method="local", highest_hz=HIGH_HZ)
-    return found.response
+    r = found.response
+    sure = r.radius < SURE * np.abs(r.value)
+    return replace(
+        r,
+        hz=r.hz[sure],
+        value=r.value[sure],
+        std=r.std[sure],
+        freedom=r.freedom[sure],
+        coherence=r.coherence[sure],
+    )
 
 
-def _at(response: FrequencyResponse, hz: float) -> complex:
+def _round(value: float, digits: int) -> str:
+    """Without a minus before zero."""
+    return f"{round(float(value), digits) + 0.0:.{digits}f}"
+
+
+def _at(response: FrequencyResponse, hz: float) -> complex | None:
+    """The response there; None beyond its lines."""
+    if not response.hz[0] - BESIDE_HZ <= hz <= response.hz[-1] + BESIDE_HZ:
+        return None
     real = np.interp(hz, response.hz, response.value.real)
     return complex(real, np.interp(hz, response.hz, response.value.imag))

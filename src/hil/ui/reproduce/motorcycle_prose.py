@@ -65,7 +65,7 @@ method, with nothing known of the controller.</p>""",
     f"""<p>Over the chirp computed torque leaves {{torque:.3f}} mm RMS, the drives' loops
 {{servo:.3f}} mm. The paper's “more bandwidth” shows here as lag: both keep the amplitude up to 5 Hz,
 where a cascade with k<sub>p</sub> = 80 1/s {M} is not yet at its limit, but the cascade is
-{{servo_ms:.1f}} ms late at 3 Hz and computed torque {{torque_ms:.1f}} ms. A slower cascade, as the
+{{servo_ms}} ms late at 3 Hz and computed torque {{torque_ms}} ms. A slower cascade, as the
 daemon's own shows, loses amplitude too. The paper's gains are not published, so how far its two
 curves should part cannot be told.</p>""",
 )
@@ -77,7 +77,7 @@ are not legible.</p>""",
     """<p>The force that leg 1's drive reports, every 20 ms in turn with its position, in the
 servo-loop run of figure 6; shown as torque of its motor by the screw's 5 mm lead and its efficiency.
 Beside it what three models say: two of the mechanism for the commanded motion, and the twin, which
-replays the setpoints through the drives' loops too.</p>""",
+replays the setpoints through the drives' loops too (drawn where it is large).</p>""",
     f"""<p>The motor gives up to {{peak:.2f}} N·m, {{mean:.2f}} N·m of it to carry the platform:
 inside what a 60 mm, 4500 rpm servomotor has {M}. The paper calls the dynamics of the legs negligible.
 On a 5 mm screw they are not: a rotor of 0.3·10⁻⁴ kg m² {M} is worth {{rotor:.0f}} kg at the leg.</p>

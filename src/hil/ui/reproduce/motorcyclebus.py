@@ -120,7 +120,12 @@ def _lanes(frames: Sequence[StampedFrame], said: Sequence[Described], begin: int
                 y=[f"{said[k].source} {_direction(name)}".strip() for k in of],
                 mode="markers",
                 name=name,
-                marker={"symbol": "square", "size": 10, "color": PALETTE[KINDS[name]]},
+                marker={
+                    "symbol": "square",
+                    # a drive's control frame leaves with its request, which would hide it
+                    "size": 17 if name == "control" else 10,
+                    "color": PALETTE[KINDS[name]],
+                },
                 customdata=[[f"0x{frames[k].frame.can_id:03X}", said[k].text] for k in of],
                 hovertemplate="%{x:.2f} ms  %{customdata[0]}  %{customdata[1]}<extra></extra>",
             )

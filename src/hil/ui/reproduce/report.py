@@ -82,6 +82,7 @@ _STYLE: Final = """<style>
 .sides p, .reading p { margin: 0 0 6px; }
 table.numbers { margin: 10px 0 14px; }
 table.numbers th { white-space: normal; vertical-align: bottom; }
+table.numbers td { white-space: nowrap; }
 table.numbers td + td, table.numbers th + th { text-align: right; }
 .reading { max-width: 1000px; }
 .mark { font-family: ui-monospace, monospace; font-size: 12.5px; color: #64748b; }

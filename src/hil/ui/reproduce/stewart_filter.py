@@ -90,6 +90,7 @@ def filter_section(played: Mapping[str, Played], lengths: Lengths) -> Section:
         pose=1e3 * fits["heave"].parameters["delay"].value,
         clock=1e3 * clock_s.value,
         highest=max(SIX_HZ),
+        periods=lengths.periods,
     )
     head = ("", "break frequency, Hz (95 %)", "delay, ms (95 %)", "gain", "misfit / noise")
     return Section(words, (figure,), Table(head, tuple(rows)), facts)

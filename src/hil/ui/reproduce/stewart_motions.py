@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 LEG: Final = "leg1"
 MARKS: Final = 8
 """Instants marked along the circle."""
+BESIDE_S: Final = (0.3, 1.2)
+"""From a turn of a leg: where the following error is read on either side."""
+EXPLAINED: Final = 0.5
+"""An axis is met where less than this share of its spread is left."""
 
 
 def circle_section(played: Mapping[str, Played], stages: TwoStage) -> Section:
@@ -89,7 +93,7 @@ def circle_section(played: Mapping[str, Played], stages: TwoStage) -> Section:
         ("length of leg 1, m", f"{length[steady].min():.3f} … {length[steady].max():.3f}"),
         ("mean following error, µm", f"{1e6 * offset_m:.1f}"),
         ("(1 − K_s) F / K_p, mean, µm", f"{1e6 * float(np.mean(static)):.1f}"),
-        ("lengthening minus shortening, µm", f"{1e6 * jump_m:.1f}"),
+        ("lengthening minus shortening at its turns, µm", f"{1e6 * jump_m:.1f}"),
         ("range of the smoothed error, µm", f"{1e6 * peak_m:.1f}"),
     )
     facts = {
@@ -104,7 +108,6 @@ def circle_section(played: Mapping[str, Played], stages: TwoStage) -> Section:
         static=1e6 * float(np.mean(static)),
         jump=1e6 * jump_m,
         friction=2e6 * (own.coulomb + HYSTERESIS["force"]) / own.position_gain,
-        late=1e3 * (stages.delay_s - rig.bus.setpoint_delay),
     )
     table = Table((f"{LEG} on the circle", ""), rows)
     return Section(words, (trajectory, panels(parts, height=230)), table, facts)
@@ -135,6 +138,7 @@ def yaw_section(played: Mapping[str, Played], stages: TwoStage) -> Section:
         sway=1e6 * spread[1],
         surge_left=1e6 * left[0],
         sway_left=1e6 * left[1],
+        verdict=_verdict(stages, left, spread),
         moment=moment.value,
         half=moment.half,
     )
@@ -182,8 +186,35 @@ def _running_mean(t: Array, values: Array, over_s: float) -> Array:
     )
 
 
+def _verdict(stages: TwoStage, left: Array, spread: Array) -> str:
+    """In words: which of the undriven axes the circle's CoG explains; surge goes with y, sway with x."""
+    said = []
+    for axis, k, c in (("sway", 1, "x"), ("surge", 0, "y")):
+        found = stages.values[f"mass.cog.{c}"]
+        where = f"{c}_cog, {found.text(0, 1e3)} mm by the circle"
+        if left[k] < EXPLAINED * spread[k]:
+            said.append(f"{axis.capitalize()} goes with {where}, and is met.")
+        else:
+            said.append(
+                f"{axis.capitalize()} goes with {where}, and is not met: the circle has not told it well "
+                "enough, and the sweep could tell it better."
+            )
+    return " ".join(said)
+
+
 def _jump(t: Array, length: Array, error: Array) -> float:
-    """Mean following error while the leg grows, minus that while it shrinks, m."""
+    """Following error just before and after the leg turns: lengthening minus shortening, mean of turns, m.
+
+    Close to the turn speed is small, so neither a delay nor viscous friction is in it.
+    """
     speed = np.gradient(_running_mean(t, length, 0.5), t)
-    fast = 0.2 * float(np.abs(speed).max())
-    return float(np.mean(error[speed > fast]) - np.mean(error[speed < -fast]))
+    turns = t[1:][np.diff(np.sign(speed)) != 0.0]
+    jumps = []
+    for turn in turns[(turns > t[0] + BESIDE_S[1]) & (turns < t[-1] - BESIDE_S[1])]:
+        before, after = (
+            float(np.mean(error[(way > BESIDE_S[0]) & (way < BESIDE_S[1])]))
+            for way in (turn - t, t - turn)
+        )
+        was_growing = float(np.interp(turn - BESIDE_S[0], t, speed)) > 0.0
+        jumps.append(before - after if was_growing else after - before)
+    return float(np.mean(jumps)) if jumps else float("nan")

@@ -30,7 +30,7 @@ filter of equation (1) as a line, and points measured with two multisines of fiv
 IMU. The points lie close to the line when the delay is taken as “5 ms” with a digit lost; 35 ms fits
 {R}. The filter has two equal poles; its printed coefficients fit 10 Hz and no other frequency of the
 surviving digits.</p>""",
-    """<p>Two multisines in heave with five and six lines up to {highest:g} Hz, each twice periodic.
+    """<p>Two multisines in heave with five and six lines up to {highest:g} Hz, {periods} periods of each.
 The response from cue to pose is taken by the encoders (forward kinematics) and by the vertical
 accelerometer; what the daemon's shaping and the drives add is known and taken off. Two equal poles, a
 delay and a gain are fitted; nothing of the true values enters. Bars are 95 %.</p>""",
@@ -69,9 +69,9 @@ the cabin's mass; peaks at the ends of travel; jumps that show hysteresis.</p>""
 setpoint that the drive is at minus the length that it answers, at the same instant; smoothed over 0.3
 s.</p>""",
     f"""<p>All three traits of the paper's error are there: an offset of {{mean:.1f}} µm, of which
-statics alone explain {{static:.1f}} µm; jumps where the leg turns, {{jump:.1f}} µm from shortening to
-lengthening; and a part that follows the motion. The jumps are friction over K_p: 2 ({{friction:.1f}}
-/ 2) µm by the friction that was put in. The model of the paper, simulated with its fitted parameters,
+statics alone explain {{static:.1f}} µm; jumps where the leg turns, {{jump:.1f}} µm between lengthening and
+shortening; and a part that follows the motion. The jumps are friction over K_p: twice that of one
+direction, {{friction:.1f}} µm, was put in. The model of the paper, simulated with its fitted parameters,
 has offset and curvature but no jumps. The size of all this goes with 1 / K_p, of which the paper
 leaves no digit {R}.</p>""",
 )
@@ -99,10 +99,9 @@ kg m²” with digits lost; 150 by our reading. The heave axis spans micrometres
 faded in and out. The twin has I_zz from this sweep, and all else from the circle.</p>""",
     f"""<p>The driven axis is met within {{yaw:.2f}} % of its spread. With a CoG off the axis a yaw
 acceleration pushes the cabin sideways; the legs give way, and surge and sway move by {{surge:.1f}}
-and {{sway:.1f}} µm, which the model meets within {{surge_left:.1f}} and {{sway_left:.1f}} µm. So the
-paper's conclusion holds here: the undriven axes do carry the CoG, if noise and friction are as small
-as these {R}. I_zz comes out at {{moment:.0f}} ± {{half:.0f}} kg m²: see the table for what is in
-it.</p>""",
+and {{sway:.1f}} µm, of which the model leaves {{surge_left:.1f}} and {{sway_left:.1f}} µm.
+{{verdict}} The undriven axes do carry the CoG, if noise and friction are as small as these {R}. I_zz
+comes out at {{moment:.1f}} ± {{half:.1f}} kg m²: see the table for what is in it.</p>""",
 )
 
 TABLE: Final = Prose(

@@ -44,7 +44,7 @@ def torque_section(played: Mapping[str, Played]) -> Section:
     x = t - p.start_s
     to_nm = torque_per_force_m
 
-    def panel(title: str, low_s: float, high_s: float) -> Panel:
+    def panel(title: str, low_s: float, high_s: float, *, with_twin: bool) -> Panel:
         some = (x >= low_s) & (x <= high_s)
         curves = [
             Curve("measured", x[some], to_nm * force[some], MEASURED),
@@ -57,13 +57,20 @@ def torque_section(played: Mapping[str, Played]) -> Section:
                 "dash",
             ),
         ]
+        if with_twin:
+            curves.append(Curve(TWIN, x[some], to_nm * drawn[some], PALETTE[3], "dot"))
         return Panel(title, "t, s", "N·m at the motor", curves)
 
     end_s = p.description.duration_s
     figure = panels(
         [
-            panel("torque of leg 1's motor over the chirp", 0.0, end_s),
-            panel("its last second and a half at full size", end_s - 3.8, end_s - 2.3),
+            panel("torque of leg 1's motor over the chirp", 0.0, end_s, with_twin=False),
+            panel(
+                "its last second and a half at full size",
+                end_s - 3.8,
+                end_s - 2.3,
+                with_twin=True,
+            ),
         ],
         height=250,
     )
