@@ -35,11 +35,11 @@ class Packed:
     encoder_on_frame: bool
 
     def scaled(self, rear: float = 1.0, front: float = 1.0, slip: float = 0.0) -> Packed:
-        """With wheels `rear` and `front` times as large (the frame stays), rear slipping by a share."""
+        """With wheels `rear` and `front` times as large (the frame stays), rear slipping by a share more."""
         p = self.p.copy()
         p[RADIUS_REAR] *= rear
         p[RADIUS_FRONT] *= front
-        p[ROLLING] = p[RADIUS_REAR] * (1.0 - slip)
+        p[ROLLING] *= rear * (1.0 - slip)
         return Packed(_frozen(p), self.body, self.extra, self.sensor, self.encoder_on_frame)
 
 
