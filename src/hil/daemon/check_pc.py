@@ -18,7 +18,7 @@ _CAP_SYS_NICE: Final = 23
 _STEADY_CLOCKS: Final = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page")
 BASE_S: Final = 0.1e-3
 AXIS_S: Final = 0.1e-3
-"""Processor time of a cycle and of each axis in it: `python -m benchmarks cia402`, as docs/figures.md has it."""
+"""Processor time of a cycle and of each axis in it, from `python -m benchmarks cia402` (docs/figures.md)."""
 _COMFORTABLE: Final = 0.5
 _RT_SHARE: Final = 0.9
 """The loop needs a few percent of one processor; less than this much left to real time is a misfit."""
