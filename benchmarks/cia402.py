@@ -181,8 +181,8 @@ def costs(options: Options) -> Table:
         "six axes at 1 kHz on two buses, processor time of the master, µs a cycle",
         ("due", "answers", "records", "sum", "share of a processor, %"),
         rows,
-        "without the system calls that send and receive; in between the simulated rig has the caches, so that "
-        "the daemon by itself takes less: the table in real time says how much",
+        "without the system calls that send and receive; in between the simulated rig has the caches, so "
+        "that the daemon by itself takes less: the table in real time says how much",
     )
 
 
