@@ -229,7 +229,37 @@ def _begin(
                 break
     if best is None:
         return vector, answer, moved
+    return _scanned(c, start, best, spread)
+
+
+def _scanned(
+    c: Calibrated,
+    start: Mapping[str, float],
+    best: tuple[float, Array, Array, Array],
+    spread: float,
+) -> tuple[Array, Array, Array]:
+    """A start whose only parameter has a rugged cost (impacts, ticks, limits): the best of some about it."""
+    if len(start) != 1 or not next(iter(start)).endswith(RUGGED):
+        return best[1:]
+    name = next(iter(start))
+    i = c.problem.table.index(name)
+    p = c.problem.table[name]
+    rows = np.tile(best[1], (len(ABOUT), 1))
+    rows[:, i] = np.clip(
+        p.neutral * (1.0 - np.array(ABOUT)) + best[1][i] * np.array(ABOUT), p.lower, p.upper
+    )
+    for row, answer in zip(rows, c.problem.answers(rows), strict=True):
+        if np.all(np.isfinite(answer)):
+            white = c.noise.whiten(c.problem, c.problem.measured - answer)
+            cost = _total(c, white, best[3], spread)
+            if cost < best[0]:
+                best = (cost, row, answer, best[3])
     return best[1:]
+
+
+RUGGED: Final = (".gap", ".delay", ".rate")
+ABOUT: Final = (0.6, 0.75, 0.87, 1.15, 1.3, 1.5)
+"""Times the start, from the parameter's neutral value."""
 
 
 NEARER: Final = (1.0, 0.3, 0.05)

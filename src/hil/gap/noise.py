@@ -59,6 +59,8 @@ class NoiseModel:
 
         Samples that are not judged come out 0.
         """
+        if not flat.size:
+            return flat
         shape = (-1, *([1] * (flat.ndim - 1)))
         z = flat / self.sigma.reshape(shape) * problem.kept.reshape(shape)
         out = np.empty_like(z)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from hil.gap.bank import Bank
-from hil.gap.fit import Calibrated
+from hil.gap.fit import Calibrated, loss
 from hil.gap.nuisances import LIMIT
 
 Array = NDArray[np.float64]
@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 CUT: Final = 100.0
 """Whitened residuals are cut there: a few wild samples must not choose."""
 RIDGE: Final = 1e-6
+FEW: Final = 2
+MANY: Final = 40
+"""Starts of a leaf that are judged robustly: the best by squares, or nearly all."""
 FELT: Final = 1.0
 """Squared whitened size that a usual step of a parameter must have to be fitted."""
 
@@ -45,25 +48,32 @@ class Search:
 
     def __init__(self, c: Calibrated, bank: Bank, white: Array | None = None) -> None:
         self.bank = bank
-        rows = c.train & ~c.noise.spikes(c.problem, c.residual)
-        r = np.clip((c.white if white is None else white)[rows], -CUT, CUT)
+        rows = c.train
+        self._white = (c.white if white is None else white)[rows]
+        self._A = c.jacobian[rows]
         T = np.empty((int(rows.sum()), bank.columns.shape[1]), dtype=np.float32)
         for first in range(0, T.shape[1], 32):
             part = bank.columns[:, first : first + 32].astype(float)
             T[:, first : first + 32] = c.noise.whiten(c.problem, part)[rows]
-        raw = (T.T @ T).astype(float)
+        self._T = T
+        wild = c.noise.spikes(c.problem, c.residual)[rows]
+        r = np.clip(self._white, -CUT, CUT)
+        r[wild] = 0.0
+        A = np.where(wild[:, None], 0.0, self._A)
+        raw = (T.T @ T - T[wild].T @ T[wild]).astype(float)
         self.raw: Array = np.diag(raw)
         """(M,) squared whitened size of each column before the nuisances took their part."""
         inner = (T.T @ r.astype(np.float32)).astype(float)
+        cross = (A.T.astype(np.float32) @ T).astype(float)
         self._z = c.z
         free = np.abs(c.z) < LIMIT - 1e-3
         # Nuisances at their bounds would go on outwards, or come back once an effect is there: both are seen.
         self._pictures: list[tuple[Array, Array, Array]] = []
         for some in (free, np.ones_like(free)) if not free.all() else (free,):
-            A = c.jacobian[rows][:, some]
-            H = A.T @ A + np.eye(A.shape[1])
-            AT = (A.T.astype(np.float32) @ T).astype(float)
-            S = np.linalg.solve(H, np.column_stack([AT, A.T @ r - c.z[some]]))
+            part = A[:, some]
+            H = part.T @ part + np.eye(part.shape[1])
+            AT = cross[some]
+            S = np.linalg.solve(H, np.column_stack([AT, part.T @ r - c.z[some]]))
             moves = np.zeros((len(free), S.shape[1]))
             moves[some] = S
             self._pictures.append((raw - AT.T @ S[:, :-1], inner - AT.T @ S[:, -1], moves))
@@ -84,8 +94,12 @@ class Search:
         return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
 
     def set_of(self, leaves: tuple[int, ...]) -> Proposal | None:
-        """The best starts and amplitudes of a set of leaves."""
-        best: Proposal | None = None
+        """The best starts and amplitudes of a set of leaves.
+
+        Amplitudes are those of least squares; what a start is worth is judged robustly, for an impact that
+        comes a little early is worse than none in squares and still the right idea.
+        """
+        found: list[Proposal] = []
         for starts in itertools.product(*(range(len(self.bank.places[k])) for k in leaves)):
             columns = [self.bank.places[k][s] for k, s in zip(leaves, starts, strict=True)]
             index = [i for c in columns for i in c]
@@ -93,13 +107,29 @@ class Search:
                 G = gram[np.ix_(index, index)]
                 size = np.sqrt(np.maximum(np.diag(G), 1e-12))
                 scaled = G / np.outer(size, size) + RIDGE * np.eye(len(index))
-                a, gain = self._bounded(leaves, columns, scaled, inner[index] / size, size)
-                if best is None or gain > best.gain:
-                    ends = np.cumsum([len(c) for c in columns])[:-1]
+                best, gain = self._bounded(leaves, columns, scaled, inner[index] / size, size)
+                ends = np.cumsum([len(c) for c in columns])[:-1]
+                for a in (best, np.ones(1)) if self._is_finite(leaves) else (best,):
                     parts = tuple(zip(starts, np.split(a, ends), strict=True))
-                    z = self._z + moves[:, -1] - moves[:, index] @ a
-                    best = Proposal(leaves, parts, gain, np.clip(z, -LIMIT, LIMIT))
-        return best
+                    z = np.clip(self._z + moves[:, -1] - moves[:, index] @ a, -LIMIT, LIMIT)
+                    found.append(Proposal(leaves, parts, gain, z))
+        found.sort(key=lambda p: -p.gain)
+        few = found[: MANY if self._is_finite(leaves) else FEW]
+        real = [replace(p, gain=self._worth(p)) for p in few]
+        return max(real, key=lambda p: p.gain, default=None)
+
+    def _is_finite(self, leaves: tuple[int, ...]) -> bool:
+        """Whether a leaf alone is one that squares misjudge: its starts themselves are worth a look."""
+        return len(leaves) == 1 and self.bank.leaves[leaves[0]].effect in NEAR | LIMITS
+
+    def _worth(self, p: Proposal) -> float:
+        """Robust gain (nats of the loss that fits use) of a proposal, nuisances along with it."""
+        change = self._A @ (p.z - self._z)
+        for k, (s, a) in zip(p.leaves, p.starts, strict=True):
+            change += self._T[:, list(self.bank.places[k][s])].astype(float) @ a
+        spread = max(1.0, 1.4826 * float(np.median(np.abs(self._white))))
+        before, after = loss(self._white / spread), loss((self._white - change) / spread)
+        return float(spread**2 * np.sum(before - after) + 0.5 * (self._z @ self._z - p.z @ p.z))
 
     def _bounded(
         self,

@@ -82,6 +82,8 @@ def answer(
     unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
     if gain < CHANCE:
         unknown = max(unknown, 0.9)
+    if unknown > 0.5 and not is_large:
+        return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
     rng = np.random.default_rng(seed + 2)
     shown = _Shown(located, none, held, rng)
     signals = touched(c, none, first) or c.problem.signals
