@@ -189,8 +189,9 @@ def test_ten_minutes_make_less_than_five_megabytes_of_data(
 
 
 def test_page_that_cannot_be_written(make_run: MakeRun, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way of a folder")
     with pytest.raises(RunError, match="cannot be written"):
-        run_report(make_run(), tmp_path / "nowhere" / "report.html")
+        run_report(make_run(), tmp_path / "file" / "report.html")
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs a browser")

@@ -7,49 +7,22 @@ from pathlib import Path
 from string import Template
 from typing import Final
 
-from plotly.graph_objects import Figure
-from plotly.offline import get_plotlyjs
-
-from hil.errors import RunError
 from hil.gap import Located
 from hil.ui.gap_figures import map_figure, signal_figure, state_figure, time_figure
+from hil.ui.page import embedded, write_page
 
 STRONGEST: Final = 3
 """Signals shown band by region."""
 
-_PAGE: Final = Template("""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>$title</title>
-<style>
-:root { color-scheme: light; }
-body { margin: 0; background: #f1f5f9; color: #0f172a;
-       font: 15px/1.5 Inter, system-ui, -apple-system, "Segoe UI", sans-serif; }
-main { max-width: 1320px; margin: 0 auto; padding: 28px 24px 60px; }
-h1 { font-size: 24px; margin: 0 0 2px; letter-spacing: -0.01em; }
-h2 { font-size: 16px; margin: 0 0 6px; }
-p.sub { margin: 0 0 18px; color: #64748b; }
-p.verdict { font-size: 19px; line-height: 1.4; margin: 0; }
+_STYLE: Final = """p.verdict { font-size: 19px; line-height: 1.4; margin: 0; }
+h2 { margin: 0 0 6px; }
 p.how { margin: 0 0 10px; color: #475569; max-width: 900px; }
-section { background: #fff; border: 1px solid #e2e8f0; border-radius: 10px;
-          padding: 18px 20px; margin-bottom: 18px; }
-table { border-collapse: collapse; width: 100%; }
-th { text-align: left; font-weight: 600; color: #475569; padding: 4px 16px 4px 0; }
-td { padding: 4px 16px 4px 0; font-variant-numeric: tabular-nums; }
-tr + tr > * { border-top: 1px solid #f1f5f9; }
+table { width: 100%; }
+th, td { padding: 4px 16px 4px 0; }
 .n { text-align: right; }
 .gap { border-left: 5px solid #dc2626; } .none { border-left: 5px solid #16a34a; }
-.warn { background: #fffbeb; border-color: #fcd34d; }
-li.error { color: #b91c1c; } li.warning { color: #92400e; }
-</style>
-<script>$plotly</script>
-</head>
-<body><main>
-<h1>$title</h1>
-<p class="sub">$runs</p>
-<section class="$kind"><p class="verdict">$sentence</p></section>
+li.error { color: #b91c1c; } li.warning { color: #92400e; }"""
+_BODY: Final = Template("""<section class="$kind"><p class="verdict">$sentence</p></section>
 $findings
 $where
 <section><h2>Gap map</h2><p class="how">How many times its noise floor the residual is, after calibration, in
@@ -65,33 +38,25 @@ its file. One at its bound is an alarm.</p>$nuisances</section>
 of the residual over the squared floor of its signal, less what the floor itself has in the same
 band and region, over all bands that stand clear of chance. Intervals (90 %): blocks of time of a
 second drawn again, all signals together. Bands: cosine transform, so that they add up. Regions:
-from the twin's own motion.</p></section>
-</main></body></html>
-""")
+from the twin's own motion.</p></section>""")
 
 
 def gap_page(found: Located, out_html: Path) -> Path:
     """Write the page about `found` to `out_html` and return that. RunError where it cannot be written."""
-    page = _PAGE.substitute(
-        title=escape(f"{found.rig}: rig against twin"),
-        runs=escape(" · ".join(found.runs)),
+    body = _BODY.substitute(
         kind="gap" if found.is_gap else "none",
         sentence=escape(found.sentence),
-        plotly=get_plotlyjs(),
         findings=_findings(found),
         where=_where(found),
-        map=_embed(map_figure(found)) + _details(found),
+        map=embedded(map_figure(found)) + _details(found),
         signals=_signals(found),
-        time=_embed(time_figure(found)),
+        time=embedded(time_figure(found)),
         state=_state(found),
         nuisances=_nuisances(found),
         floor=escape(found.floor_text),
     )
-    try:
-        out_html.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise RunError(f"{out_html}: cannot be written: {error.strerror}") from error
-    return out_html
+    title = escape(f"{found.rig}: rig against twin")
+    return write_page(out_html, title, escape(" · ".join(found.runs)), body, _STYLE)
 
 
 def _findings(found: Located) -> str:
@@ -140,7 +105,7 @@ def _signals(found: Located) -> str:
 
 def _details(found: Located) -> str:
     strongest = sorted(found.signals, key=lambda s: -s.share)[:STRONGEST]
-    return "".join(_embed(signal_figure(found, s.signal)) for s in strongest if s.share > 0.02)
+    return "".join(embedded(signal_figure(found, s.signal)) for s in strongest if s.share > 0.02)
 
 
 def _state(found: Located) -> str:
@@ -150,7 +115,7 @@ def _state(found: Located) -> str:
     return (
         '<section><h2>Residual over velocity and position</h2><p class="how">One row an actuator. The line '
         "is the median: a step at zero velocity is Coulomb friction, a slope viscous friction, a wave over "
-        f"position ripple or lead error.</p>{_embed(figure)}</section>"
+        f"position ripple or lead error.</p>{embedded(figure)}</section>"
     )
 
 
@@ -166,8 +131,3 @@ def _nuisances(found: Located) -> str:
         "<th></th></tr>"
     )
     return f"<table>{head}{rows}</table>"
-
-
-def _embed(figure: Figure) -> str:
-    config = {"responsive": True, "displaylogo": False, "scrollZoom": False}
-    return str(figure.to_html(full_html=False, include_plotlyjs=False, config=config))

@@ -23,7 +23,7 @@ _PAGE: Final = Template("""<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>$title</title>
 <style>
-body { margin: 0; background: #f1f5f9; color: #0f172a;
+body { color-scheme: light; margin: 0; background: #f1f5f9; color: #0f172a;
        font: 15px/1.5 Inter, system-ui, -apple-system, "Segoe UI", sans-serif; }
 main { max-width: 1320px; margin: 0 auto; padding: 28px 24px 60px; }
 h1 { font-size: 24px; margin: 0 0 2px; letter-spacing: -0.01em; }
@@ -37,13 +37,15 @@ th { text-align: left; font-weight: 600; color: #475569; }
 th, td { padding: 4px 28px 4px 0; }
 td.n, th.n { text-align: right; }
 tr + tr > * { border-top: 1px solid #f1f5f9; }
+.warn { background: #fffbeb; border-color: #fcd34d; }
+$style
 </style>
 <script>$plotly</script>
 </head>
 <body><main>
 <h1>$title</h1>
 <p class="sub">$subtitle</p>
-$sections
+$body
 </main></body></html>
 """)
 
@@ -51,16 +53,21 @@ $sections
 def page(
     out_html: Path, title: str, subtitle: str, sections: Sequence[tuple[str, str, Figure | str]]
 ) -> Path:
-    """Write figures (or HTML), each with a heading and a note; RunError where it cannot be written.
-
-    About 5 MB of it is the plotting library: nothing is fetched when it is opened.
-    """
+    """Write figures (or HTML), each with a heading and a note; RunError where it cannot be written."""
     parts = [
         f"<section><h2>{head}</h2>{_noted(note)}{_html(body)}</section>"
         for head, note, body in sections
     ]
+    return write_page(out_html, title, subtitle, "\n".join(parts))
+
+
+def write_page(out_html: Path, title: str, subtitle: str, body: str, style: str = "") -> Path:
+    """Write a page of `body` (HTML of sections), with a `style` of its own; RunError where that fails.
+
+    About 5 MB of it is the plotting library: nothing is fetched when it is opened.
+    """
     text = _PAGE.substitute(
-        title=title, subtitle=subtitle, plotly=get_plotlyjs(), sections="\n".join(parts)
+        title=title, subtitle=subtitle, plotly=get_plotlyjs(), body=body, style=style
     )
     try:
         out_html.parent.mkdir(parents=True, exist_ok=True)
@@ -75,7 +82,10 @@ def _noted(note: str) -> str:
 
 
 def _html(body: Figure | str) -> str:
-    if isinstance(body, str):
-        return body
+    return body if isinstance(body, str) else embedded(body)
+
+
+def embedded(figure: Figure) -> str:
+    """A figure as HTML for the body of a page, which has the plotting library."""
     config = {"responsive": True, "displaylogo": False, "scrollZoom": False}
-    return str(body.to_html(full_html=False, include_plotlyjs=False, config=config))
+    return str(figure.to_html(full_html=False, include_plotlyjs=False, config=config))

@@ -10,7 +10,7 @@ from typing import Final
 
 from plotly.graph_objects import Figure
 
-from hil.ui.page import page
+from hil.ui.page import embedded, page
 from hil.ui.reproduce.prose import Prose
 
 
@@ -101,20 +101,13 @@ def write_report(
 
 
 def _html(section: Section) -> str:
-    pictures = "".join(_picture(p) for p in section.pictures)
+    pictures = "".join(p if isinstance(p, str) else embedded(p) for p in section.pictures)
     return (
         f'<div class="sides"><div><b>What the paper shows</b>{section.words.paper}</div>'
         f'<div class="ours"><b>What was done here</b>{section.words.ours}</div></div>{pictures}'
         f"{section.table.html() if section.table else ''}"
         f'<div class="reading"><b>What it says</b>{section.words.reading}</div>'
     )
-
-
-def _picture(picture: Figure | str) -> str:
-    if isinstance(picture, str):
-        return picture
-    config = {"responsive": True, "displaylogo": False, "scrollZoom": False}
-    return str(picture.to_html(full_html=False, include_plotlyjs=False, config=config))
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:
