@@ -21,6 +21,8 @@ NAMES = (
     "loop_lateness",
     "sim_vs_mujoco",
     "rigs_vs_pinocchio",
+    "identify_time",
+    "interval_coverage",
     "bicycle_vs_generated",
 )
 

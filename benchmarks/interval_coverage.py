@@ -1,17 +1,15 @@
 """Do the intervals hold? Share of simulated experiments whose intervals contain the truth.
 
 Each experiment draws mass and friction of the axis, another random-phase multisine, other noise and jitter,
-and is identified from nothing but its samples: `python -m benchmarks.interval_coverage [EXPERIMENTS]`.
+and is identified from nothing but its samples: `python -m benchmarks interval_coverage`.
 """
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 from tests.identify.estimate_data import multisine, play
 
-from benchmarks.figure import Table
+from benchmarks.figure import Options, Table
 from hil.configfile import load_rig
 from hil.identify.estimate import LinearOptions
 from hil.identify.estimate.fit import identify_linear
@@ -24,6 +22,7 @@ NAMES = ("mass.m", "axis.viscous", "axis.coulomb")
 METHODS = ("wls", "iv", "twin")
 DURATION_S = 6.0
 TOP_HZ = 3.0
+EXPERIMENTS = 200
 
 
 def experiment(
@@ -77,5 +76,6 @@ def coverage(experiments: int, methods: tuple[str, ...] = METHODS) -> Table:
     )
 
 
-if __name__ == "__main__":
-    print(coverage(int(sys.argv[1]) if len(sys.argv) > 1 else 200).text())
+def measure(options: Options = Options()) -> list[Table]:  # noqa: B008 - a frozen value
+    """Every method."""
+    return [coverage(3 if options.quick else EXPERIMENTS)]
