@@ -18,6 +18,7 @@ from hil.drives.cia402.mapping import KIND_OF, TPDO, Units, candidates, rpdo
 from hil.drives.cia402.meaning import INTERPOLATE, number_of
 from hil.drives.cia402.profile import Cia402Profile
 from hil.drives.cia402.sdo import SdoClient, Transfer
+from hil.drives.cia402.targets import Syncs, Targets
 from hil.drives.driver import DrivePhase, DriveStatus, PowerGoal
 from hil.drives.enquiry import Enquiry
 from hil.drives.meaning import SetpointKind
@@ -34,10 +35,6 @@ SETTLE_S: Final = 0.3
 OURS: Final = (0x1005, 0x1006, 0x6060, 0x607C)
 """SYNC's identifier and period, mode of operation, home offset: what else nobody changes beside us."""
 COURSE_CODES: Final = frozenset({0x8612})
-LATEST_CYCLES: Final = 1.25
-"""A busy bus may carry an answer after the next SYNC, but not much."""
-SHORTEST_ANSWER_BITS: Final = 47 + 111
-"""SYNC and an answer of eight bytes without stuff bits: nothing answers a SYNC sooner."""
 
 
 class _Said(NamedTuple):
@@ -59,7 +56,7 @@ class Cia402Driver:
         self.wire_kind: SetpointKind = KIND_OF[mode]
         self.setpoint_kind: SetpointKind = "force" if self.wire_kind == "force" else "position"
         self.sdo = SdoClient(profile.timing.sdo_timeout, profile.timing.sdo_tries)
-        self._node, self._profile, self._actuator = node, profile, actuator
+        self._node, self._profile = node, profile
         self._layout, self._units = rpdo(mode), Units(actuator)
         wanted = wanted_of(rig, i, profile, self.frames)
         self._boot = Boot(wanted)
@@ -80,10 +77,8 @@ class Cia402Driver:
         self._ids = frozenset(
             {self.frames.emcy, self.frames.tpdo, self.frames.sdo_answer, self.frames.heartbeat}
         )
-        self._cycle_s = rig.bus.cycle
-        self._sync_bits_s = 47 / rig.can.bitrates[actuator.drive.bus]
-        self._soonest_s = SHORTEST_ANSWER_BITS / rig.can.bitrates[actuator.drive.bus]
-        self._syncs: deque[float] = deque(maxlen=3)
+        self._targets = Targets(rig, i, self.wire_kind)
+        self._syncs = Syncs(rig, i)
         self._first_slot_s: float | None = None
         self._asked_s = -math.inf
         self._heard_now = False
@@ -95,9 +90,6 @@ class Cia402Driver:
         """Last status word."""
         self.is_homing = False
         """Bit 4 of the control word is set: the drive, in its homing mode, searches its zero."""
-        self._position = 0
-        self._reference = 0.0
-        self._before: float | None = None
         self._emergencies: deque[float] = deque(maxlen=STORM)
         self._stormed_s = -math.inf
         self._wrong = self._garbage = self._slots = self._pairs = 0
@@ -198,26 +190,17 @@ class Cia402Driver:
         if machine.phase is DrivePhase.ABSENT or not machine.started:
             return []  # of an earlier master's making: nobody knows what is mapped
         self._pairs = min(self._pairs + 1, self._slots)
-        self._position, self.word = position, word
+        self._targets.position, self.word = position, word
         machine.took_status(
             now_s, _Said(power, bool(word & VOLTAGE_ENABLED), self._boot.is_referenced)
         )
         machine.answered(now_s, "position")
         machine.answered(now_s, "force")
-        at_s = self._sampled_s(now_s)
+        at_s = self._syncs.answered(now_s)
         return [
             Sample(self.name, "position", units.measured("position", position), at_s, now_s),
             Sample(self.name, "force", units.measured("force", torque), at_s, now_s),
         ]
-
-    def _sampled_s(self, now_s: float) -> float:
-        """Arrival of the SYNC that these values answer: the oldest unanswered one that they can answer."""
-        latest_s = LATEST_CYCLES * self._cycle_s
-        while self._syncs and now_s - self._syncs[0] > latest_s:
-            self._syncs.popleft()
-        if not self._syncs or now_s - self._syncs[0] < self._soonest_s:
-            return now_s
-        return self._syncs.popleft() + self._sync_bits_s
 
     def _on_emergency(self, now_s: float, data: bytes) -> None:
         """An emergency is one whatever its length: of all frames this one is never ignored."""
@@ -257,7 +240,7 @@ class Cia402Driver:
 
     def on_sync(self, now_s: float) -> None:
         """SYNC goes out now."""
-        self._syncs.append(now_s)
+        self._syncs.sent(now_s)
 
     def on_slot(self, now_s: float, goal: PowerGoal, setpoint: float | None) -> list[Frame]:
         """Process data where the drive is operational, and at most one SDO request or NMT command."""
@@ -319,7 +302,7 @@ class Cia402Driver:
     def _found_anew(self) -> None:
         self.sdo.reset()
         self._is_put = False
-        self._before = None
+        self._targets.restart()
         self._wrong = 0
 
     def _values_out(self, now_s: float, setpoint: float | None) -> list[Frame]:
@@ -330,40 +313,14 @@ class Cia402Driver:
         command = machine.command(now_s)
         word = command.value
         if machine.phase is DrivePhase.FAULT or command is not PowerCommand.ENABLE:
-            target = self._idle()
+            target = self._targets.idle()
         else:
             if machine.status.power is PowerState.READY_TO_SWITCH_ON:
                 word = PowerCommand.SWITCH_ON.value
             elif self._boot.mode == "ip" or self.is_homing:
                 word |= INTERPOLATE
-            target = self._target(setpoint)
+            target = self._targets.of(setpoint)
         return [Frame(self.frames.rpdo, self._layout.pack(word, round(target)))]
-
-    def _idle(self) -> float:
-        """What moves nothing when the power comes: where the drive is, or no force, or no speed."""
-        self._before = None
-        self._reference = float(self._position) if self.wire_kind == "position" else 0.0
-        return self._reference
-
-    def _target(self, setpoint: float | None) -> float:
-        if setpoint is None or not math.isfinite(setpoint):
-            if self.wire_kind != "velocity" or self._before is None:
-                return self._reference
-            setpoint = self._before
-        if self.wire_kind == "velocity":
-            self._reference = self._units.raw("velocity", self._speed(setpoint))
-        else:
-            self._reference = self._units.raw(self.wire_kind, setpoint)
-        return self._reference
-
-    def _speed(self, position: float) -> float:
-        """Mode csv: the drive model's position loop, in the daemon."""
-        a = self._actuator
-        measured = self._units.measured("position", self._position)
-        before, self._before = position if self._before is None else self._before, position
-        speed = a.position_gain * (position - measured)
-        speed += a.velocity_ff * (position - before) / self._cycle_s
-        return min(max(speed, -a.velocity_max), a.velocity_max)
 
     def _one_more(self, now_s: float) -> list[Frame]:
         """An NMT command where one is due, else an SDO request where one waits."""
