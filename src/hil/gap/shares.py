@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hil.gap.fit import Calibrated, Fit
-from hil.gap.problem import Problem
+from hil.gap.fit import Calibrated, Fit, loss
 from hil.gap.result import Located
-
-Array = NDArray[np.float64]
 
 FAINT: Final = 0.3
 """Squared floors of energy above the floor that are too few to speak of."""
+RARE: Final = 1.35
+"""Floors of the usual residual up to which a gap is one of rare events."""
 
 
 def weighed_ratio(located: Located) -> float:
@@ -34,36 +31,25 @@ def largest_ratio(c: Calibrated, f: Fit) -> float:
 
 
 def explained(c: Calibrated, none: Fit, f: Fit) -> float:
-    """Share of the gap's energy above the floor that a fit takes away on training samples, 0..1.
+    """Share of the gap above the floor that a fit takes away on training samples, 0..1.
 
-    Lone spikes are cut as everywhere; where nothing stands above the floor without them, they are the gap.
+    Of its energy, lone spikes cut as everywhere. A gap that stands in rare events is those spikes: there the
+    share is that of the robust loss, in which each counts but none for all.
     """
-    was, left = _above(c, none, f, c.noise.weighted_rms)
-    if was < FAINT:
-        was, left = _above(c, none, f, _with_spikes(c))
-    return float(np.clip((was - left) / max(was, 0.05), 0.0, 1.0))
-
-
-def _above(
-    c: Calibrated, none: Fit, f: Fit, rms: Callable[[Problem, Array], dict[str, float]]
-) -> tuple[float, float]:
-    """Energy above the floor, in squared floors, without and with a fit."""
-    floors = rms(c.problem, c.noise.draws)
-    before, after = rms(c.problem, none.residual), rms(c.problem, f.residual)
+    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    before = c.noise.weighted_rms(c.problem, none.residual)
+    after = c.noise.weighted_rms(c.problem, f.residual)
     ratios = [(before[s] / v, after[s] / v) for s, v in floors.items() if v > 0.0]
-    return (
-        sum(max(b**2 - 1.0, 0.0) for b, _ in ratios),
-        sum(max(a**2 - 1.0, 0.0) for _, a in ratios),
-    )
+    was = sum(max(b**2 - 1.0, 0.0) for b, _ in ratios)
+    if was < FAINT or largest_ratio(c, none) < RARE:
+        return _robustly(c, none, f)
+    left = sum(max(a**2 - 1.0, 0.0) for b, a in ratios)
+    return float(np.clip((was - left) / was, 0.0, 1.0))
 
 
-def _with_spikes(c: Calibrated) -> Callable[[Problem, Array], dict[str, float]]:
-    def rms(problem: Problem, flat: Array) -> dict[str, float]:
-        white2 = np.mean((np.atleast_2d(flat) / c.noise.sigma) ** 2, axis=0)
-        out = {}
-        for signal in problem.signals:
-            parts = [white2[x.part][c.train[x.part]] for x in problem.series if x.signal == signal]
-            out[signal] = float(np.sqrt(np.mean(np.concatenate(parts)))) if parts else 0.0
-        return out
-
-    return rms
+def _robustly(c: Calibrated, none: Fit, f: Fit) -> float:
+    drawn = [np.sum(loss(c.noise.whiten(c.problem, row)[c.train])) for row in c.noise.draws]
+    was = none.cost(c.train) - float(np.mean(drawn))
+    if was < float(np.std(drawn)):
+        return 0.0
+    return float(np.clip((none.cost(c.train) - f.cost(c.train)) / was, 0.0, 1.0))

@@ -31,7 +31,7 @@ SOFT: Final = 0.05
 SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
-"""Floors on any signal over the whole record that are a gap, however short its parts."""
+"""Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
 CLEAR: Final = 15.0
 """Nats of evidence from which on a candidate is more than a chance among many [set on training cases]."""
 CHANCE: Final = 5.0
@@ -41,6 +41,9 @@ MATERIAL: Final = 0.75
 HOLDS: Final = 0.2
 """Held-out shrink below which a verdict is withdrawn, where the gap stands STANDS floors high there."""
 STANDS: Final = 1.3
+DECISIVE: Final = 150.0
+FAINT: Final = 0.4
+"""Nats, and floors of its trace, of a candidate that is small and beyond doubt all the same."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 CI: Final = 1.645
@@ -74,8 +77,9 @@ def answer(
     if not weighed:
         return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
-    is_large = largest_ratio(c, none) > RATIO or max(s.ratio for s in located.signals) > LARGE
-    is_clear = gain > CLEAR and max(traces(c, none, first).values()) > MATERIAL
+    is_large = largest_ratio(c, none) > LARGE or max(s.ratio for s in located.signals) > RATIO
+    trace = max(traces(c, none, first).values())
+    is_clear = (gain > CLEAR and trace > MATERIAL) or (gain > DECISIVE and trace > FAINT)
     if not (is_large or is_clear):
         return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
     share = 1.0 if first.leaves[0].effect == ROUNDED else explained(c, none, first)
