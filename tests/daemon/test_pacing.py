@@ -33,11 +33,11 @@ def follow(shaper, take, rig, seconds: float):
     return np.array(out)
 
 
-@pytest.mark.parametrize("name", ["axis_canopen", "stewart_canopen"])
-def test_what_is_played_has_no_step_and_keeps_the_limits(name: str):
+@pytest.mark.parametrize(("name", "every"), [("axis_canopen", 5), ("stewart_canopen", 2)])
+def test_what_is_played_has_no_step_and_keeps_the_limits(name: str, every: int):
     rig = rig_file(name)
     paced = PacedShaper(rig, build_rig(rig))
-    assert paced.every == 5
+    assert paced.every == every
     pose, velocity, acceleration = np.moveaxis(follow(paced.shaper, paced, rig, 1.5), 1, 0)
     v_max, a_max, j_max = (np.asarray(limit) for limit in rig.cue_limits())
     cycle_s = rig.bus.cycle

@@ -24,12 +24,14 @@ TEMPER: Final = 2.0
 """What evidence is divided by on top, for what no correlation shows [set on training cases]."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
-UNUSED: Final = 0.05
+UNUSED: Final = 0.015
 """What a parameter costs at least, as a ratio: freedom that changes nothing is no reason to choose it."""
 MORE: Final = 12.0
 """Nats that each further effect must earn beyond its parameters."""
 ALIKE: Final = 0.5
 """Floors by which the answers of two fits may differ on any signal within one class."""
+SAME: Final = 0.15
+"""Floors by which the answers of one effect under two names differ at most."""
 LONGEST_LAG: Final = 60
 
 
@@ -51,7 +53,7 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], dict[str, 
     # Which of two that answer alike has the more usual size is no evidence: they share what freedom costs.
     order = np.argsort(-(likely + freedom))
     group = np.empty(len(fits), dtype=int)
-    group[order] = classes(c, [fits[k] for k in order])
+    group[order] = classes(c, [fits[k] for k in order], SAME)
     count = np.array([len(f.names) for f in fits])
     shared = [
         np.mean(freedom[(group == g) & (count == n)]) for g, n in zip(group, count, strict=True)
@@ -129,12 +131,12 @@ def distance(c: Calibrated, a: Fit, b: Fit) -> float:
     return max(between[s] / floors[s] for s in between if floors[s] > 0.0)
 
 
-def classes(c: Calibrated, fits: Sequence[Fit]) -> list[int]:
+def classes(c: Calibrated, fits: Sequence[Fit], alike: float = ALIKE) -> list[int]:
     """For each of `fits` (best first) the number of its class: that of the first it is like."""
     heads: list[Fit] = []
     out = []
     for f in fits:
-        near = next((k for k, h in enumerate(heads) if distance(c, f, h) < ALIKE), None)
+        near = next((k for k, h in enumerate(heads) if distance(c, f, h) < alike), None)
         if near is None:
             heads.append(f)
             near = len(heads) - 1

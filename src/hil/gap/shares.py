@@ -41,10 +41,11 @@ def explained(c: Calibrated, none: Fit, f: Fit) -> float:
     after = c.noise.weighted_rms(c.problem, f.residual)
     ratios = [(before[s] / v, after[s] / v) for s, v in floors.items() if v > 0.0]
     was = sum(max(b**2 - 1.0, 0.0) for b, _ in ratios)
-    if was < FAINT or largest_ratio(c, none) < RARE:
-        return _robustly(c, none, f)
     left = sum(max(a**2 - 1.0, 0.0) for b, a in ratios)
-    return float(np.clip((was - left) / was, 0.0, 1.0))
+    share = float(np.clip((was - left) / max(was, FAINT), 0.0, 1.0))
+    if was < FAINT or largest_ratio(c, none) < RARE:
+        return max(share, _robustly(c, none, f))
+    return share
 
 
 def _robustly(c: Calibrated, none: Fit, f: Fit) -> float:

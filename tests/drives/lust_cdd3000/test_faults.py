@@ -224,7 +224,8 @@ def test_a_daemon_that_dies_leaves_drives_that_stop_and_are_heard_again() -> Non
     x.run(0.5)
     assert x.plant.modes == ["off"] * 3, "the drives' own watchdogs stopped them"
     y = Exchange(x.rig)
-    y.drives, y.plant = x.drives, x.plant
+    y.drives = y.nodes = x.drives
+    y.plant = x.plant
     y.now_s, y.cycle = x.now_s, x.cycle
     y.run(1.0)
     assert y.named("system_stop"), "they had been addressed: nothing logs on by itself"
