@@ -89,3 +89,14 @@ def test_a_rig_that_never_moved_is_refused():
     frame = pd.DataFrame({"t": t, "axis.setpoint": 0.0 * t, "axis.position": noise})
     with pytest.raises(IdentificationError, match=r"never moved|nothing moved"):
         locate(frame, AXIS)
+
+
+def test_a_force_rounded_so_coarsely_that_it_stays_on_one_step_is_no_stuck_sensor(healthy):
+    coarse = healthy.copy()
+    coarse["axis.force"] = 100.0 * np.round(coarse["axis.force"] / 100.0)
+    found = diagnose(coarse, AXIS)
+    assert found.verdict == "identified"
+    (cause,) = found.effects
+    assert (cause.effect, cause.location) == ("sensor_quantisation", "axis.force")
+    assert cause.parameters["step"].value == pytest.approx(100.0)
+    assert not any("stuck" in f.text for f in found.located.findings)

@@ -28,13 +28,13 @@ def coarse_steps(problem: Problem) -> dict[str, float]:
         )
         quantity = signal.partition(".")[2].partition("_")[0]
         spread, own = sensor_noise(problem.rig, quantity)
-        step = _step_of(values)
+        step = step_of(values)
         if step is not None and step > COARSER * own and step > spread:
             out[signal] = step
     return out
 
 
-def _step_of(values: Array) -> float | None:
+def step_of(values: Array) -> float | None:
     """The step of a grid on which nearly all values lie, None where there is none."""
     levels = np.unique(values)
     if len(levels) < 3 or len(levels) > 0.8 * len(values):

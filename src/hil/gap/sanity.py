@@ -18,6 +18,7 @@ from hil.config import RigFile
 from hil.errors import IdentificationError
 from hil.gap.draws import sensor_noise, sensor_sigma
 from hil.gap.problem import LOOSE, Problem, Series
+from hil.gap.rounding import step_of
 from hil.runs import Run
 
 Array = NDArray[np.float64]
@@ -166,8 +167,8 @@ def _stuck(run: Run, rig: RigFile, column: str, t: Array, values: Array) -> list
         moved = float(np.ptp(told)) if len(told) else 0.0
     elif spread > 2.0 * step:
         moved = np.inf
-    if moved <= 20.0 * max(step, spread, 1e-9):
-        return []
+    if moved <= 20.0 * max(step, spread, 1e-9) or step_of(values) is not None:
+        return []  # at rest, or rounded so coarsely that it stays on one step
     share = (t[last] - t[first]) / max(t[-1] - t[0], 1e-9)
     text = f"stands at {values[first]:.6g} from {t[first]:.3f} to {t[last]:.3f} s"
     if quantity == "position":
