@@ -93,6 +93,7 @@ class Bench:
 
     def __init__(self, rig: RigFile, profiles: Profiles, paths: Sequence[Path]) -> None:
         simulated = SimulatedRig(rig, profiles)
+        # The bus side is what is measured: the mechanics behind it stand still and cost nothing.
         simulated.plant.advance = lambda to_s: None  # type: ignore[method-assign]
         simulated.plant.set_setpoint = lambda i, value, at_s: None  # type: ignore[method-assign]
         drives = [d for d in simulated.drives if isinstance(d, SimulatedCia402)]

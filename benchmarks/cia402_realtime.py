@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import multiprocessing
 import os
-import select
 import tempfile
 import threading
 import time
@@ -20,14 +19,13 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-import can
 import canopen
 import numpy as np
 
 from benchmarks.cia402_drives import Array, Seen, be_drives
 from benchmarks.figure import Cell, Table
+from benchmarks.port_bus import PortBus
 from benchmarks.rigs import variant
-from hil.bus.hub.client import open_hub
 from hil.cli.demo import free_port
 from hil.client import RigClient
 from hil.config import RigFile
@@ -38,7 +36,6 @@ from hil.daemon.realtime import PRIORITY, request_precedence
 from hil.daemon.run import run_rig
 from hil.drivefiles import load_profiles
 from hil.errors import CommandRefused, RigNotReached
-from hil.frames import Frame
 
 PATIENCE_S = 90.0
 AHEAD_S = (0.0, 0.02, 0.04, 0.08)
@@ -173,40 +170,6 @@ def _of_process(pid: int) -> float:
 # canopen's master
 
 
-class HubBus(can.BusABC):
-    """A hub's socket as a bus of python-can."""
-
-    def __init__(self, url: str) -> None:
-        self._port = open_hub(Path(url.removeprefix("hub:")))
-        self._waiting: list[Frame] = []
-        self._can_protocol = can.CanProtocol.CAN_20
-        super().__init__(channel=url)
-
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        if not self._waiting:
-            select.select([self._port], [], [], timeout)
-            self._waiting += [stamped.frame for stamped in self._port.receive()]
-        if not self._waiting:
-            return None, False
-        frame = self._waiting.pop(0)
-        said = can.Message(
-            timestamp=time.time(),
-            arbitration_id=frame.can_id,
-            data=frame.data,
-            is_extended_id=False,
-        )
-        return said, False
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send it."""
-        self._port.send(Frame(msg.arbitration_id, bytes(msg.data)))
-
-    def shutdown(self) -> None:
-        """Leave."""
-        super().shutdown()
-        self._port.close()
-
-
 def theirs(cycle_s: float, seconds: float) -> tuple[Cell, ...]:
     """`canopen` sends SYNC and six targets, and takes six answers, for `seconds`."""
     with (
@@ -233,7 +196,7 @@ def _be_canopen(
     with suppress(PermissionError):  # without RESET_ON_FORK: its threads shall have it too
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     eds = str(data_folder("drives") / "cia402" / "device.eds")
-    networks = {url: canopen.Network(HubBus(url)) for url in dict.fromkeys(u for u, _ in nodes)}
+    networks = {url: canopen.Network(PortBus(url)) for url in dict.fromkeys(u for u, _ in nodes)}
     answers = 0
 
     def count(_: object) -> None:

@@ -9,10 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from benchmarks.port_bus import PortBus
 
 from hil.runs import load_run
 from tests.daemon.test_processes import Bench, in_state, sway, wait_for
-from tests.drives.cia402.on_wire import PortBus, calm_rig, their_master_moves_it
+from tests.drives.cia402.on_wire import calm_rig, their_master_moves_it
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.timeout(240)

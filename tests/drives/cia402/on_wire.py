@@ -11,9 +11,8 @@ import can
 import canopen
 from canopen.profiles.p402 import BaseNode402
 
-from hil.bus.port import BusPort, open_port
+from hil.bus.port import open_port
 from hil.configfile import data_folder, find_rig_file
-from hil.frames import Frame
 from tests.drives.cia402.foreign import ForeignDrive
 
 EDS = str(data_folder("drives") / "cia402" / "device.eds")
@@ -40,38 +39,6 @@ def calm_rig(folder: Path, name: str = "axis_canopen") -> Path:
     path = folder / f"{name}.toml"
     path.write_text(text)
     return path
-
-
-class PortBus(can.BusABC):
-    """A port of ours as a bus of python-can, so that other people's programs can sit on a hub."""
-
-    def __init__(self, url: str) -> None:
-        self.port: BusPort = open_port(url, bitrate_bps=BITRATE_BPS)
-        self._waiting: list[Frame] = []
-        self._can_protocol = can.CanProtocol.CAN_20
-        super().__init__(channel=url)
-
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        if not self._waiting:
-            select.select([self.port], [], [], timeout)
-            self._waiting += [stamped.frame for stamped in self.port.receive()]
-        if not self._waiting:
-            return None, False
-        frame = self._waiting.pop(0)
-        message = can.Message(
-            timestamp=time.time(),
-            arbitration_id=frame.can_id,
-            data=frame.data,
-            is_extended_id=False,
-        )
-        return message, False
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        self.port.send(Frame(msg.arbitration_id, bytes(msg.data)))
-
-    def shutdown(self) -> None:
-        super().shutdown()
-        self.port.close()
 
 
 def their_master_moves_it(bus: can.BusABC, node_id: int = 1) -> list[int]:
