@@ -16,9 +16,10 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 
-from hil.config import AnyRig, BicycleFile
+from hil.config import AnyRig, BicycleFile, Effect
 from hil.configfile import parse_any_rig, read_toml, rig_toml
 from hil.errors import RunError
+from hil.exam.world.body import Outside
 from hil.runs import Run, load_run
 from hil.runs.folder import RUN_TOML, Payload, RunMeta, read_meta, write_meta
 
@@ -31,6 +32,21 @@ def seal(answer: Any) -> str:
     """SHA-256 of an answer as canonical JSON: sorted keys, no spaces, UTF-8."""
     text = json.dumps(answer, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def answer_of(kind: str, effects: Sequence[Effect], outside: Sequence[Outside]) -> dict[str, Any]:
+    """What every answer begins with: the verdict that is right, and what the case holds."""
+    return {
+        "verdict": {"none": "no_gap", "outside": "unknown"}.get(kind, "identified"),
+        "effects": [
+            {"effect": e.effect, "location": e.location, "parameters": e.parameters}
+            for e in effects
+        ],
+        "outside": [
+            {"kind": o.kind, "location": o.location, "parameters": o.parameters} for o in outside
+        ],
+        "kind": kind,
+    }
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.config import Effect, RigFile
 from hil.errors import ConfigError, LimitViolation
-from hil.exam.case import ANSWER, RIG, write_case
+from hil.exam.case import ANSWER, RIG, answer_of, write_case
 from hil.exam.excite import FAMILIES, draw_motion
 from hil.exam.menu import Recipe, draw_recipe, effects_of, possible
 from hil.exam.odd import draw_outside, outside_of
@@ -179,15 +179,7 @@ def _make(
         )
         tables.append((played.table(world), role, payload))
     answer = {
-        "verdict": {"none": "no_gap", "outside": "unknown"}.get(kind, "identified"),
-        "effects": [
-            {"effect": e.effect, "location": e.location, "parameters": e.parameters}
-            for e in effects
-        ],
-        "outside": [
-            {"kind": o.kind, "location": o.location, "parameters": o.parameters} for o in outside
-        ],
-        "kind": kind,
+        **answer_of(kind, effects, outside),
         "rig": order.rigs[number % len(order.rigs)],
         "severity": severity,
         "traces": [{n: round(x, 3) for n, x in s.traces.items() if x > 0.3} for s in solved],

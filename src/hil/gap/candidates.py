@@ -12,12 +12,13 @@ from typing import Final
 import numpy as np
 
 from hil.gap.bank import ABSOLUTE
-from hil.gap.fit import Calibrated, Fit, changes_of, fit
+from hil.gap.fit import Calibrated, Fit, fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
 from hil.gap.leaves import Leaf, Start
 from hil.gap.search import Proposal, Search
 from hil.gap.shares import explained, largest_ratio
+from hil.gap.starts import changes_of
 
 Report = Callable[[str], None]
 

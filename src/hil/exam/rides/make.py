@@ -11,7 +11,7 @@ from hil.bicycle.manoeuvres import Manoeuvre
 from hil.bicycle.path import eight, slalom, surges, u_turns
 from hil.config import BicycleFile, Effect
 from hil.configfile import load_bicycle, parse_settings
-from hil.exam.case import write_case
+from hil.exam.case import answer_of, write_case
 from hil.exam.rides.bench import RideBench
 from hil.exam.rides.menu import RIDE_EFFECTS, draw_effect
 from hil.exam.rides.outside import RIDE_OUTSIDE, draw_outside
@@ -66,15 +66,7 @@ def make_ride(
         b = Bicycle(rig, scatter, effects if told else (), outside if told else ())
         tables.append((record(b, ride(b, way, seed), seed), role, None))
     answer = {
-        "verdict": {"none": "no_gap", "outside": "unknown"}.get(kind, "identified"),
-        "effects": [
-            {"effect": e.effect, "location": e.location, "parameters": e.parameters}
-            for e in effects
-        ],
-        "outside": [
-            {"kind": o.kind, "location": o.location, "parameters": o.parameters} for o in outside
-        ],
-        "kind": kind,
+        **answer_of(kind, effects, outside),
         "rig": rig.name,
         "severity": min((order.severity_of(s.reached) for s in solved), default=0.0),
         "traces": [{n: round(x, 3) for n, x in s.traces.items() if x > 0.3} for s in solved],
