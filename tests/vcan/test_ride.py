@@ -54,7 +54,9 @@ def run(folder: Path) -> Run:
 
 def test_it_went_through_the_states_from_log_on_to_parked(run: Run) -> None:
     states = [event.text.rpartition(" ")[2] for event in run.events if event.name == "rig_state"]
-    assert states[:4] == ["preparing", "parked", "ready", "engaged"]
+    # A guest that stood still may park once before it engages: an overrun, and armed anew.
+    in_order = ["preparing", "parked", "ready", "engaged", "parking"]
+    assert [name for name in dict.fromkeys(states) if name != "offline"] == in_order
     assert states[-2:] == ["parking", "parked"]
     assert not [event for event in run.events if event.severity == "fault"]
 

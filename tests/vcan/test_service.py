@@ -14,14 +14,13 @@ from pathlib import Path
 import pytest
 
 from hil.client import RigClient
-from hil.configfile import find_rig_file
 from hil.errors import RigNotReached
 from hil.runs import load_run
 from hil.runs.folder import read_meta
 from tests.daemon.test_processes import in_state, sway, wait_for
 from tests.vcan.init_systemd import Systemd, in_guest, need, service_python
 from tests.vcan.model import hand_over
-from tests.vcan.wire import CYCLE_S, URL
+from tests.vcan.wire import URL, slower
 
 # Only in the guest: a second systemd is nothing to try on a machine that somebody uses.
 pytestmark = (
@@ -43,12 +42,7 @@ class Installed:
 
     def __init__(self, systemd: Systemd, folder: Path) -> None:
         self.systemd = systemd
-        self.rig_text = (
-            find_rig_file("axis")
-            .read_text()
-            .replace('url = "socketcan:can0"', f'url = "{URL}"')
-            .replace("\ncycle = 0.01\n", f"\ncycle = {CYCLE_S}\n")
-        )
+        self.rig_text = slower("axis").replace('url = "socketcan:can0"', f'url = "{URL}"')
         rig = folder / "axis.toml"
         rig.write_text(self.rig_text)
         self.hil = service_python(systemd, Path("/opt/hil"))
