@@ -27,12 +27,12 @@ PATIENCE_S = 180.0
 CYCLE_S = 0.02
 SLOWER = {
     "\ncycle = 0.01\n": f"\ncycle = {CYCLE_S}\n",
-    "\n[cue]\n": "\n[safety]\nanswer_timeout = 1.0\ndrive_watchdog = 1.2\noverrun_cycles = 40\n"
+    "\n[cue]\n": "\n[safety]\nanswer_timeout = 0.45\ndrive_watchdog = 1.0\noverrun_cycles = 20\n"
     "\n[cue]\nstale = 4.0\n",
 }
 """What a rig file must be patient about in a guest: one CPU for daemon, gateway, rig and test, which all
 stand still while the guest waits for a file of the host."""
-DRIVE_WATCHDOG_MS = 1200
+DRIVE_WATCHDOG_MS = 1000
 STARVED = ("overrun", "gateway_gone", "cue_stale")
 """Events of a guest that had no processor for too long, whatever the test does to the bus."""
 

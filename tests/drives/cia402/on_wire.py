@@ -23,7 +23,7 @@ CALM = {
     "\nsetpoint_delay = 0.00115 ": f"\nsetpoint_delay = {CYCLE_S + 0.00015} ",
     "bandwidth = 90.0": "bandwidth = 10.0",
     "observer = 400.0": "observer = 60.0",
-    "\n[safety]\n": "\n[safety]\nanswer_timeout = 1.0\ndrive_watchdog = 1.2\noverrun_cycles = 40\n",
+    "\n[safety]\n": "\n[safety]\nanswer_timeout = 0.45\ndrive_watchdog = 1.0\n",
     "\n[cue]\n": "\n[cue]\nstale = 4.0\n",
 }
 """What a busy machine without real-time rights can hold."""
