@@ -50,6 +50,13 @@ def test_candidates_of_one_class_are_said_not_to_be_told_apart(friction):
     assert "axis.asymmetric_friction" in mine
 
 
+def test_a_small_effect_is_found_beside_one_that_makes_nearly_all_of_the_gap():
+    rubs = effect("asymmetric_friction", positive=200.0, negative=60.0)
+    late = effect("sensor_latency", "axis.position", delay=0.003)
+    found = diagnose(record(rubs, late), AXIS)
+    assert {c.effect for c in found.effects} == {"asymmetric_friction", "sensor_latency"}
+
+
 def test_the_place_is_force_at_the_axis(friction):
     (first, *_) = friction.located.where
     assert first.signal == "axis.force"

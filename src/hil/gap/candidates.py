@@ -17,7 +17,7 @@ from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
 from hil.gap.leaves import Leaf, Start
 from hil.gap.search import Proposal, Search
-from hil.gap.shares import explained, largest_ratio
+from hil.gap.shares import above_noise, explained, largest_ratio
 from hil.gap.starts import changes_of
 
 Report = Callable[[str], None]
@@ -29,10 +29,15 @@ WORTH: Final = 0.25
 CHANCE: Final = 3.0
 """Of the linear gain, no candidate is worth a fit below."""
 PAIRS: Final = 3
+"""Further effects that are tried beside the best single or pair."""
 LEFT: Final = 1.35
 """Floors on any signal from which on more than one effect is looked for."""
+PROMISE: Final = 0.3
+"""Of what the others leave above the floor, the least that a further effect takes in the linear picture."""
+ADDS: Final = 0.5
+"""Of what the others leave, the least that a further effect must explain: less is how laws differ."""
 WELL: Final = 0.96
-"""Share explained from which on nothing more is looked for."""
+"""Share explained from which on lost frames are not looked for."""
 FRICTION: Final = frozenset(
     {"coulomb_friction", "viscous_friction", "stribeck_friction", "asymmetric_friction", "load_friction",
      "hysteresis"}
@@ -53,7 +58,7 @@ def fit_candidates(
     """`none`, then all that was fitted; `steps`: by signal, those that its values come in."""
     fits = [none, *_single_fits(c, none, search, leaves, without, steps, say)]
     fits = [f for f in fits if _is_itself(f)]
-    return fits + [f for f in _joint_fits(c, fits, search, leaves, say) if _is_itself(f)]
+    return fits + _joint_fits(c, fits, search, leaves, say)
 
 
 def _single_fits(
@@ -132,42 +137,50 @@ def _joint_fits(
     known = {leaf.name for leaf in leaves}
     ranked = sorted(fits[1:], key=lambda f: f.cost(c.train) + f.prior_cost + f.extra_cost)
     heads = [f for f in ranked if f.leaves[0].name in known][:2]
-    for size in (2, 3):
-        if not heads or largest_ratio(c, heads[0]) < LEFT or explained(c, fits[0], heads[0]) > WELL:
+    for _ in ("pairs", "triples"):
+        if not heads or largest_ratio(c, heads[0]) < LEFT:
             break
         new: list[Fit] = []
-        for p in _proposed(c, heads, search, leaves)[: PAIRS + 2 - size]:
-            some = [leaves[k] for k in p.leaves]
-            say("fitting " + " + ".join(leaf.name for leaf in some))
-            start = search.felt(changes_of(some, p.starts, c.problem))
-            head = next((h for h in heads if all(x in some for x in h.leaves)), None)
-            if head is not None:
-                start.update(_relative(c, head))
-            if not all(set(leaf.parameters) & start.keys() for leaf in some):
-                continue  # one of them changes nothing that these data would show
-            joint = fit(c, some, start, p.z if head is None else head.z)
-            if joint is not None:
+        for head, p in _proposed(c, heads, search, leaves):
+            leaf = leaves[p.leaves[0]]
+            some = (*head.leaves, leaf)
+            say("fitting " + " + ".join(x.name for x in some))
+            start = search.felt(changes_of([leaf], p.starts, c.problem))
+            if not start:
+                continue  # it changes nothing that these data would show
+            joint = fit(c, some, {**_relative(c, head), **start}, p.z)
+            if joint is not None and _is_itself(joint) and _adds(c, [*fits[1:], *out], joint):
                 new.append(joint)
         out += new
-        heads = sorted(new, key=lambda f: f.cost(c.train) + f.prior_cost)[:1]
+        least = min(f.cost(c.train) + f.prior_cost for f in heads)
+        better = [f for f in new if f.cost(c.train) + f.prior_cost < least]
+        heads = sorted(better, key=lambda f: f.cost(c.train) + f.prior_cost)[:1]
     return out
+
+
+def _adds(c: Calibrated, fits: Sequence[Fit], joint: Fit) -> bool:
+    """Whether each effect of a set explains most of what the others leave, as far as those were fitted."""
+    names = {leaf.name for leaf in joint.leaves}
+    parts = [f for f in fits if {leaf.name for leaf in f.leaves} < names]
+    return all(explained(c, f, joint) > ADDS for f in parts)
 
 
 def _proposed(
     c: Calibrated, heads: Sequence[Fit], search: Search, leaves: Sequence[Leaf]
-) -> list[Proposal]:
-    """Each head with the leaves that could explain what it leaves, best first."""
-    index = {leaf.name: k for k, leaf in enumerate(leaves)}
-    out: dict[tuple[int, ...], Proposal] = {}
-    for head in heads:
-        fixed = tuple(index[leaf.name] for leaf in head.leaves)
-        rest = Search(c, search.bank, head.white).alone()
-        others = [p.leaves[0] for p in rest if _may_join(leaves[p.leaves[0]], head.leaves)]
-        for k in others[: PAIRS + 1]:
-            found = search.set_of((*fixed, k))
-            if found is not None:
-                out.setdefault(tuple(sorted(found.leaves)), found)
-    return sorted(out.values(), key=lambda p: -p.gain)
+) -> list[tuple[Fit, Proposal]]:
+    """Each head with the leaves that could explain much of what it leaves: most for the best head."""
+    out: dict[frozenset[str], tuple[Fit, Proposal]] = {}
+    for head, count in zip(heads, (PAIRS, PAIRS - 1), strict=False):
+        least = PROMISE * above_noise(c, head)
+        rest = Search(replace(c, z=head.z), search.bank, head.white).alone()
+        able = [
+            p for p in rest
+            if p.gain > least and _may_join(leaves[p.leaves[0]], head.leaves)
+        ]  # fmt: skip
+        for p in able[:count]:
+            names = frozenset({leaves[p.leaves[0]].name, *(x.name for x in head.leaves)})
+            out.setdefault(names, (head, p))
+    return list(out.values())
 
 
 def _may_join(leaf: Leaf, others: Sequence[Leaf]) -> bool:

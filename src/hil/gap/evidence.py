@@ -54,9 +54,11 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], dict[str, 
     order = np.argsort(-(likely + freedom))
     group = np.empty(len(fits), dtype=int)
     group[order] = classes(c, [fits[k] for k in order], SAME)
-    count = np.array([len(f.names) for f in fits])
+    names = np.array([len(f.names) for f in fits])
+    several = np.array([len(f.leaves) for f in fits])
     shared = [
-        np.mean(freedom[(group == g) & (count == n)]) for g, n in zip(group, count, strict=True)
+        np.mean(freedom[(group == group[k]) & (names == names[k]) & (several == several[k])])
+        for k in range(len(fits))
     ]
     logs = likely + np.array(shared)
     real = np.array([bool(f.leaves) for f in fits])

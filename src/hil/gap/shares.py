@@ -48,9 +48,15 @@ def explained(c: Calibrated, none: Fit, f: Fit) -> float:
     return share
 
 
-def _robustly(c: Calibrated, none: Fit, f: Fit) -> float:
+def above_noise(c: Calibrated, f: Fit) -> float:
+    """Nats of the robust loss that a fit leaves above the floor; 0 where that is no more than chance."""
     drawn = [np.sum(loss(c.noise.whiten(c.problem, row)[c.train])) for row in c.noise.draws]
-    was = none.cost(c.train) - float(np.mean(drawn))
-    if was < float(np.std(drawn)):
+    left = f.cost(c.train) - float(np.mean(drawn))
+    return left if left > float(np.std(drawn)) else 0.0
+
+
+def _robustly(c: Calibrated, none: Fit, f: Fit) -> float:
+    was = above_noise(c, none)
+    if was == 0.0:
         return 0.0
     return float(np.clip((none.cost(c.train) - f.cost(c.train)) / was, 0.0, 1.0))
