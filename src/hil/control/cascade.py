@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.control.observer import Observed
 from hil.control.reference import Reference
-from hil.control.setpoints import Setpoints
+from hil.control.setpoints import Setpoints, within
 from hil.rigs import Manipulator, build_rig
 
 Vector = NDArray[np.float64]
@@ -71,7 +71,7 @@ class Cascade:
     def reset(self, observed: Observed) -> None:
         """Start from the present state: the integrators begin with the force that holds it."""
         force = self._manipulator.static_forces(observed.pose)
-        self._integral = np.clip(force, -self._limit_n, self._limit_n)
+        self._integral = within(force, self._limit_n)
 
     def step(self, now_s: float, reference: Reference, observed: Observed) -> Setpoints:
         """Force setpoints for the cycle that starts at `now_s`."""
@@ -80,12 +80,12 @@ class Cascade:
         integral = self._integral
         assert integral is not None
         wanted = self._manipulator.inverse(reference.at(now_s).pose)
-        speed = np.clip(self._k_p * (wanted - observed.position), -self._v_max, self._v_max)
+        speed = within(self._k_p * (wanted - observed.position), self._v_max)
         error = speed - observed.velocity
         force = self._k_v * error + integral
-        limited = np.clip(force, -self._limit_n, self._limit_n)
+        limited = within(force, self._limit_n)
         grown = integral + self._k_v * self._rate * self._cycle_s * error
         # Anti-windup: an integrator at its force limit may only come back.
         held = (force != limited) & (np.abs(grown) > np.abs(integral))
-        self._integral = np.where(held, integral, np.clip(grown, -self._limit_n, self._limit_n))
+        self._integral = np.where(held, integral, within(grown, self._limit_n))
         return Setpoints(limited, "force")

@@ -15,7 +15,7 @@ from hil.control.friction import Friction
 from hil.control.observer import Observed
 from hil.control.placement import second_order_gains
 from hil.control.reference import Reference
-from hil.control.setpoints import Setpoints, slot_offsets
+from hil.control.setpoints import Setpoints, slot_offsets, within
 from hil.rigs import Manipulator
 
 Vector = NDArray[np.float64]
@@ -51,7 +51,7 @@ class ComputedTorque:
         force = m.inverse_dynamics(q, qd, command)
         # Friction by the speed wanted: by the speed observed, its noise would rattle at standstill.
         force = force + self._friction.force(m.rates(wanted.pose, wanted.velocity))
-        return Setpoints(np.clip(force, -self._limit_n, self._limit_n), "force")
+        return Setpoints(within(force, self._limit_n), "force")
 
 
 def _coast(q: Vector, qd: Vector, qdd: Vector, dt_s: float) -> tuple[Vector, Vector]:

@@ -84,11 +84,18 @@ class Observer:
             "velocity": max(noise.velocity**2 + noise.velocity_step**2 / 12.0, 1.0e-10),
         }
         self._parameters = observer_parameters(rig)
-        self._kinds = np.full(n, kalman.IDLE)
-        self._arrivals = np.zeros((n, HISTORY))
-        self._values = np.zeros((n, HISTORY))
+        self._idle = np.full(n, kalman.IDLE)
+        self._by_force = np.full(n, kalman.FORCE)
+        self._kinds = self._idle  # one of three that nobody changes
+        self._told = np.zeros((2, n, HISTORY))
+        self._arrivals, self._values = self._told
         self._x = np.zeros((n, 3))
         self._P = np.zeros((n, 3, 3))
+        # Each actuator's rows, made once: they are looked at with every sample.
+        self._of = [
+            (self._x[i], self._P[i], self._parameters[i], self._arrivals[i], self._values[i])
+            for i in range(n)
+        ]
         self._times = np.full(n, -math.inf)
         self._sampled = np.full(n, -math.inf)
         self._rejected = np.zeros(n, dtype=int)
@@ -114,20 +121,20 @@ class Observer:
     def applied(self, now_s: float, setpoints: Setpoints | None) -> None:
         """Tell what is sent in the cycle that starts at `now_s`; None where drives are off."""
         if setpoints is None:
-            self._kinds[:] = kalman.IDLE
+            self._kinds = self._idle
             return
         arrivals = now_s + self._offsets
         if setpoints.kind == "force":
-            kinds, values = np.full_like(self._kinds, kalman.FORCE), self._respond(setpoints.values)
+            kinds, values = self._by_force, self._respond(setpoints.values)
         else:
             kinds, values = self._drive_kinds, setpoints.values
             arrivals = arrivals + self._position_delay_s
-        for i in np.flatnonzero(kinds != self._kinds):
-            self._arrivals[i] = arrivals[i]
-            self._values[i] = values[i]
-        self._kinds = kinds.copy()
-        self._arrivals[:, :-1] = self._arrivals[:, 1:]
-        self._values[:, :-1] = self._values[:, 1:]
+        if kinds is not self._kinds:
+            for i in np.flatnonzero(kinds != self._kinds):
+                self._arrivals[i] = arrivals[i]
+                self._values[i] = values[i]
+            self._kinds = kinds
+        self._told[:, :, :-1] = self._told[:, :, 1:]
         self._arrivals[:, -1] = arrivals
         self._values[:, -1] = values
 
@@ -194,43 +201,33 @@ class Observer:
             return np.zeros(m.n)
 
     def _take(self, i: int, sample: Sample) -> None:
-        row = 0 if sample.quantity == "position" else 1
-        t0 = self._times[i]
+        row, sampled_s = 0 if sample.quantity == "position" else 1, sample.sampled_s
+        t0 = self._times.item(i)
         if not math.isfinite(t0):
             if row == 0:
-                self._start(i, sample.sampled_s, sample.value, 0.0)
+                self._start(i, sampled_s, sample.value, 0.0)
             return
-        if sample.sampled_s < t0 - 1.0e-9:
+        if sampled_s < t0 - 1.0e-9:
             self.counts[f"late:{sample.source}"] += 1
             return
-        if sample.sampled_s - t0 > kalman.LONGEST_S:
+        if sampled_s - t0 > kalman.LONGEST_S:
             self.counts[f"restarted:{sample.source}"] += 1
             if row == 0:
-                self._start(i, sample.sampled_s, sample.value, 0.0)
+                self._start(i, sampled_s, sample.value, 0.0)
             return
-        kalman.predict(
-            self._x[i],
-            self._P[i],
-            t0,
-            sample.sampled_s,
-            self._kinds[i],
-            self._parameters[i],
-            self._arrivals[i],
-            self._values[i],
-            True,
-        )
-        self._times[i] = sample.sampled_s
+        x, P, parameters, arrivals, values = self._of[i]
+        kind = self._kinds[i]
+        kalman.predict(x, P, t0, sampled_s, kind, parameters, arrivals, values, True)
+        self._times[i] = sampled_s
         variance = self._variance[sample.quantity]
         floor = GATE_FLOOR * math.sqrt(variance)
-        innovation, believed = kalman.correct(
-            self._x[i], self._P[i], row, sample.value, variance, GATE, floor
-        )
+        innovation, believed = kalman.correct(x, P, row, sample.value, variance, GATE, floor)
         if row == 0:
             self._innovation[i] = innovation
         if believed:
             self._rejected[i] = 0
             if row == 0:
-                self._sampled[i] = sample.sampled_s
+                self._sampled[i] = sampled_s
         else:
             self._disbelieve(i, row, sample)
 

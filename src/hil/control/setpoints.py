@@ -21,6 +21,12 @@ class Setpoints:
     kind: Kind
 
 
+def within(values: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`values` (n,) within ± `limit` (n,): np.clip at a quarter of its cost."""
+    inside: NDArray[np.float64] = np.minimum(np.maximum(values, -limit), limit)
+    return inside
+
+
 def slot_offsets(rig: RigFile) -> NDArray[np.float64]:
     """Time from the start of a cycle to each drive's acting on its setpoint (n,), s.
 

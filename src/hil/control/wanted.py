@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.control.planner import State, Use
+from hil.control.setpoints import within
 from hil.control.track import CueTrack
 from hil.errors import LimitViolation
 from hil.signals import Cue
@@ -132,7 +133,7 @@ class Wanted:
             wdd = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp_s**2
             d = p - self._ramp_from
             p, v, a = self._ramp_from + w * d, w * v + wd * d, w * a + 2.0 * wd * v + wdd * d
-        inside = np.clip(p, -self._limits, self._limits)
+        inside = within(p, self._limits)
         beyond = inside != p
         return np.array([inside, np.where(beyond, 0.0, v), np.where(beyond, 0.0, a)])
 

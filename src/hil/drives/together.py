@@ -25,10 +25,10 @@ class Part:
     drives: DriveBus
     actuators: tuple[int, ...]
 
-    def marked(self, frames: Sequence[Frame]) -> list[Frame]:
+    def marked(self, frames: list[Frame]) -> list[Frame]:
         """The frames with the number of this part's bus."""
         if not self.bus:
-            return list(frames)
+            return frames
         return [Frame(i, d, ext, rtr, error, self.bus) for i, d, ext, rtr, error, _ in frames]
 
 
@@ -109,6 +109,10 @@ class DrivesTogether:
         placed = {a: OnBus(d, p) for p in parts for a, d in zip(p.actuators, p.drives, strict=True)}
         self._drivers = tuple(placed[a] for a in sorted(placed))
         self.meaning = TogetherMeaning(self._parts)
+        self._on_bus = {
+            bus: tuple(p.drives for p in self._parts if p.bus == bus)
+            for bus in {p.bus for p in self._parts}
+        }
         self.is_synchronous = any(p.drives.is_synchronous for p in parts)
 
     def __len__(self) -> int:
@@ -122,11 +126,10 @@ class DrivesTogether:
 
     def on_frame(self, now_s: float, frame: Frame) -> list[Sample | Event]:
         """Hand a received frame to the parts on its bus."""
-        out: list[Sample | Event] = []
-        for part in self._parts:
-            if part.bus == frame.bus:
-                out += part.drives.on_frame(now_s, frame)
-        return out
+        on_bus = self._on_bus.get(frame.bus, ())
+        if len(on_bus) == 1:
+            return on_bus[0].on_frame(now_s, frame)
+        return [said for drives in on_bus for said in drives.on_frame(now_s, frame)]
 
     def on_sync(self, now_s: float) -> list[Frame]:
         """SYNC of every bus that has one."""

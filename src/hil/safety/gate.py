@@ -160,6 +160,8 @@ class Gate:
 
     def _judge_ask(self, now_s: float, meaning: Meaning) -> Broken | None:
         match meaning.ask:
+            case Ask.POWER_ON if meaning.actuator is not None and meaning.setpoint is not None:
+                return self._judge_power_on(now_s, meaning, meaning.actuator, meaning.setpoint)
             case Ask.READ | Ask.SYNC | Ask.ALIVE:
                 return None
             case Ask.NETWORK:
@@ -181,8 +183,6 @@ class Gate:
                 if not self._armed and not all(off):
                     return Broken(Rule.START_UNARMED, "not every drive has been told to be off")
                 return None
-            case Ask.POWER_ON if meaning.actuator is not None and meaning.setpoint is not None:
-                return self._judge_power_on(now_s, meaning, meaning.actuator, meaning.setpoint)
             case _:
                 return Broken(Rule.UNKNOWN_MEANING, meaning.text or "it asks nothing that is known")
 

@@ -8,16 +8,17 @@ motion. Besides, nobody else sends on our identifiers, and the IMU goes on talki
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Final, NamedTuple
+from typing import Final
 
 from hil.config import Actuator, RigFile
 from hil.control.cascade import cascade_position_rate
 from hil.drives.meaning import FrameMeaning
 from hil.frames import Frame
 from hil.safety.reactions import Cause, Finding
+from hil.safety.trail import Trail
 from hil.signals import Sample
 
 OVERSPEED: Final = 1.2
@@ -35,11 +36,6 @@ MOTION_SHARE: Final = 0.1
 MOTION_EVERY_S: Final = 0.05
 """How often that is looked at."""
 IMU_TIMEOUT_S: Final = 0.5
-
-
-class _Point(NamedTuple):
-    t_s: float
-    value: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,98 +85,105 @@ class ActuatorMonitor:
 
     def __init__(self, bounds: _Bounds) -> None:
         self.bounds = bounds
-        self._told: deque[_Point] = deque()
-        self._speeds: deque[_Point] = deque()  # falling: its first is the fastest of late
+        self._told = Trail(MOTION_S + bounds.settle_s)
+        self._told_since_s = -inf
+        # Speeds told, falling: the first is the fastest of late.
+        self._speeds: deque[tuple[float, float]] = deque()
         self._motion_s = -inf
-        self._seen: deque[_Point] = deque()
-        self._received_s: float | None = None
+        self._seen = Trail(MOTION_S + bounds.settle_s)
+        self._received_s = -inf
         self._fast = 0
 
     def commanded(self, position_m: float, now_s: float) -> None:
         """A setpoint went out that means this position."""
         told, speeds, b = self._told, self._speeds, self.bounds
-        if told and now_s - told[-1].t_s > b.answer_timeout_s:
+        if told.times and now_s - told.times[-1] > b.answer_timeout_s:
             told.clear()
             speeds.clear()
-        if told:
-            speed = abs(position_m - told[-1].value) / b.cycle_s
-            while speeds and speeds[-1].value <= speed:
+        if told.times:
+            speed = abs(position_m - told.values[-1]) / b.cycle_s
+            while speeds and speeds[-1][1] <= speed:
                 speeds.pop()
-            speeds.append(_Point(now_s, speed))
-            _drop(speeds, now_s - b.settle_s)
-        told.append(_Point(now_s, position_m))
-        _drop(told, now_s - MOTION_S - b.settle_s)
+            speeds.append((now_s, speed))
+            while speeds[0][0] < now_s - b.settle_s and len(speeds) > 1:
+                speeds.popleft()
+        else:
+            self._told_since_s = now_s
+        told.add(now_s, position_m)
 
     def position(self, sample: Sample) -> list[Finding]:
         """A position was measured."""
         _, _, value, sampled_s, self._received_s = sample
-        found = self._stroke(value)
+        b = self.bounds
+        found = [] if b.low_m <= value <= b.high_m else self._outside(value)
         found += self._following(value, sampled_s)
-        seen, b = self._seen, self.bounds
-        if seen:
-            last_s, last = seen[-1]
-            if sampled_s - last_s < 0.5 * b.cycle_s:
+        seen = self._seen
+        if seen.times:
+            since_s = sampled_s - seen.times[-1]
+            if since_s < 0.5 * b.cycle_s:
                 return found  # too near to tell a speed
-            found += self.speed((value - last) / (sampled_s - last_s))
-        seen.append(_Point(sampled_s, value))
-        _drop(seen, sampled_s - MOTION_S - b.settle_s)
+            found += self.speed((value - seen.values[-1]) / since_s)
+        seen.add(sampled_s, value)
         if sampled_s - self._motion_s >= MOTION_EVERY_S:
             found += self._motion(sampled_s)
         return found
 
-    def speed(self, speed: float) -> list[Finding]:
+    def speed(self, speed: float) -> Sequence[Finding]:
         """A speed was measured, or follows from two positions."""
         b = self.bounds
-        self._fast = 0 if abs(speed) <= b.speed_max else self._fast + 1
+        if abs(speed) <= b.speed_max:
+            self._fast = 0
+            return ()
+        self._fast += 1
         if self._fast < OVERSPEED_SAMPLES:
-            return []
+            return ()
         text = f"{b.name} moves at {abs(speed):.3f} /s, {b.speed_max:.3f} /s allowed"
-        return [Finding(Cause.OVERSPEED, text)]
+        return (Finding(Cause.OVERSPEED, text),)
 
-    def silence(self, now_s: float) -> list[Finding]:
+    def silence(self, now_s: float) -> Sequence[Finding]:
         """A drive that is being told setpoints must answer its position."""
-        b = self.bounds
-        if not self._told or now_s - self._told[-1].t_s > 2.0 * b.cycle_s:
-            return []
-        age_s = now_s - max(self._received_s or 0.0, self._told[0].t_s)
+        b, told_s = self.bounds, self._told.times
+        if not told_s or now_s - told_s[-1] > 2.0 * b.cycle_s:
+            return ()
+        age_s = now_s - max(self._received_s, self._told_since_s)
         if age_s <= b.answer_timeout_s:
-            return []
+            return ()
         text = f"{b.name} has answered no position for {age_s:.3f} s"
-        return [Finding(Cause.ANSWERS_LOST, text)]
+        return (Finding(Cause.ANSWERS_LOST, text),)
 
-    def _stroke(self, value: float) -> list[Finding]:
+    def _outside(self, value: float) -> list[Finding]:
         b = self.bounds
-        if b.low_m <= value <= b.high_m:
-            return []
         text = f"{b.name} is at {value:.4f}, outside its stroke {b.low_m:g}..{b.high_m:g}"
         return [Finding(Cause.OUTSIDE_STROKE, text)]
 
-    def _following(self, value: float, sampled_s: float) -> list[Finding]:
+    def _following(self, value: float, sampled_s: float) -> Sequence[Finding]:
         """|setpoint − measured| at the sample's instant, less what the drive's lag explains."""
-        b = self.bounds
-        last = next((p for p in reversed(self._told) if p[0] <= sampled_s), None)
-        if last is None or sampled_s - last.t_s > 2.0 * b.cycle_s:
-            return []
-        fastest = self._speeds[0].value if self._speeds else 0.0
+        b, times = self.bounds, self._told.times
+        k = len(times) - 1
+        while k >= 0 and times[k] > sampled_s:
+            k -= 1
+        if k < 0 or sampled_s - times[k] > 2.0 * b.cycle_s:
+            return ()
+        fastest = self._speeds[0][1] if self._speeds else 0.0
         allowed = b.following_m + fastest * b.lag_s
-        error = abs(last.value - value)
+        error = abs(self._told.values[k] - value)
         if error <= allowed:
-            return []
+            return ()
         text = f"{b.name} is {error:.4f} from its setpoint, {allowed:.4f} allowed with its lag"
-        return [Finding(Cause.FOLLOWING_ERROR, text)]
+        return (Finding(Cause.FOLLOWING_ERROR, text),)
 
-    def _motion(self, now_s: float) -> list[Finding]:
+    def _motion(self, now_s: float) -> Sequence[Finding]:
         b = self.bounds
         self._motion_s = now_s
-        start_s, settled_s = now_s - MOTION_S - b.settle_s, now_s - b.settle_s
-        commanded = _travel(p for p in self._told if start_s <= p.t_s <= settled_s)
+        start_s = now_s - MOTION_S - b.settle_s
+        commanded = self._told.travel(start_s, now_s - b.settle_s)
         if commanded < b.following_m / MOTION_OF_FOLLOWING:
-            return []
-        measured = _travel(p for p in self._seen if p.t_s >= start_s)
+            return ()
+        measured = self._seen.travel(start_s)
         if measured >= MOTION_SHARE * commanded:
-            return []
+            return ()
         text = f"{b.name} was told to move {commanded:.4f} and moved {measured:.4f}"
-        return [Finding(Cause.NO_MOTION, text)]
+        return (Finding(Cause.NO_MOTION, text),)
 
 
 class Monitor:
@@ -195,13 +198,13 @@ class Monitor:
         self._has_imu = rig.imu is not None
         self._imu_s: float | None = None
 
-    def on_frame(self, frame: Frame) -> list[Finding]:
+    def on_frame(self, frame: Frame) -> Sequence[Finding]:
         """A frame was received; ours never are, so one with an identifier of ours is another master's."""
         if frame.is_error or frame.is_extended or frame.key not in self._ours:
-            return []
-        return [Finding(Cause.SECOND_MASTER, f"someone else sent {frame}, an identifier of ours")]
+            return ()
+        return (Finding(Cause.SECOND_MASTER, f"someone else sent {frame}, an identifier of ours"),)
 
-    def on_sample(self, i: int, sample: Sample) -> list[Finding]:
+    def on_sample(self, i: int, sample: Sample) -> Sequence[Finding]:
         """A value of actuator `i` was measured; i beyond the last actuator is the IMU."""
         if i >= len(self.actuators):
             self._imu_s = sample.received_s
@@ -209,7 +212,7 @@ class Monitor:
             return self.actuators[i].position(sample)
         elif sample.quantity == "velocity":
             return self.actuators[i].speed(sample.value)
-        return []
+        return ()
 
     def commanded(self, i: int, position_m: float, now_s: float) -> None:
         """The position, m or rad, that what was just sent to drive `i` means, whatever kind it was."""
@@ -224,14 +227,3 @@ class Monitor:
             text = f"the IMU has said nothing for {now_s - self._imu_s:.1f} s"
             found.append(Finding(Cause.IMU_LOST, text))
         return found
-
-
-def _travel(points: Iterable[_Point]) -> float:
-    values = [p.value for p in points]
-    return max(values) - min(values) if values else 0.0
-
-
-def _drop(points: deque[_Point], before_s: float) -> None:
-    """Forget what is older, but never the last."""
-    while points[0][0] < before_s and len(points) > 1:
-        points.popleft()

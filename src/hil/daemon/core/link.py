@@ -40,24 +40,27 @@ class Link:
 
     def receive(self, now_s: float, frame: Frame) -> tuple[list[Sample], list[Event]]:
         """What a received frame says; what is wrong with it becomes a finding or a count."""
-        records = self.records
+        records, monitor = self.records, self.monitor
         records.append(FrameRecord(now_s, False, frame))
-        self._findings += self.monitor.on_frame(frame)
-        said = self.drives.on_frame(now_s, frame)
-        samples: list[Sample] = [item for item in said if isinstance(item, Sample)]
-        events: list[Event] = []
-        if len(samples) < len(said):
-            events = [item for item in said if isinstance(item, Event)]
+        self._findings += monitor.on_frame(frame)
+        said: list[Sample | Event] = self.drives.on_frame(now_s, frame)
         if self.imu is not None and frame.bus == 0:
-            samples += self.imu.on_frame(now_s, frame)
-        for sample in samples:
-            source, quantity, value, sampled_s, _ = sample
+            said = [*said, *self.imu.on_frame(now_s, frame)]
+        samples: list[Sample] = []
+        events: list[Event] = []
+        for item in said:
+            if isinstance(item, Event):
+                events.append(item)
+                continue
+            samples.append(item)
+            source, quantity, value, sampled_s, _ = item
             i = self._index[source]
             if quantity == "position":
                 self.gate.measured(i, value, now_s)
-            self._findings += self.monitor.on_sample(i, sample)
+            self._findings += monitor.on_sample(i, item)
             records.append(SampleRecord(i, quantity, value, sampled_s, now_s))
-        self.take_in(events)
+        if events:
+            self.take_in(events)
         return samples, events
 
     def take_in(self, events: Iterable[Event]) -> None:

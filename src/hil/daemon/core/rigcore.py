@@ -11,24 +11,22 @@ from collections.abc import Sequence
 from math import inf
 from typing import Final
 
-from hil.bus.state import ERR_BUS_OFF, ERR_RESTARTED
 from hil.config import RigFile
+from hil.daemon.core.buses import Buses
 from hil.daemon.core.enquiries import Enquiries
 from hil.daemon.core.link import Link
-from hil.daemon.core.motion import Motion, actuator_states, tracking_error
+from hil.daemon.core.motion import Motion
 from hil.daemon.core.schedule import CYCLE, SYNC, Due, Schedule
+from hil.daemon.core.telling import Telling
 from hil.daemon.cue_parts import split_cue
 from hil.daemon.records import (
     NO_FRAME,
     CommandRecord,
-    DriveRecord,
-    EventRecord,
     InputRecord,
     Record,
     ReplyRecord,
-    StateRecord,
 )
-from hil.drives.driver import DriveBus, DrivePhase, DriveStatus, PowerGoal
+from hil.drives.driver import DriveBus, DriveStatus, PowerGoal
 from hil.errors import BusError, BusOff, LimitViolation
 from hil.frames import Frame
 from hil.rigs import build_rig
@@ -42,7 +40,7 @@ from hil.safety import (
     StateName,
     state_settings,
 )
-from hil.signals import Cue, Event
+from hil.signals import Cue
 
 GATEWAY_TIMEOUT_S: Final = 1.0
 """A gateway silent for so long is gone; it beats ten times a second."""
@@ -51,9 +49,6 @@ POWERING: Final = (Command.ARM.value, Command.PARK.value)
 """Commands that may power drives."""
 OURS: Final = -1
 """Request number of requests that the core makes itself: nobody waits for the reply."""
-EVENT_REPEAT_S: Final = 1.0
-"""The same trouble is told once in so long, with the number of times it was held back."""
-NAN: Final = float("nan")
 
 
 class RigCore:
@@ -74,19 +69,12 @@ class RigCore:
         self._requests: list[Request] = []
         self._records = self._link.records  # one list: its order is the order of what happened
         self._heard_count = 0
-        self._phases: list[DrivePhase | None] = [None] * len(drives)
-        self._told: dict[str, tuple[float, int]] = {}
-        self._cycle_s = NAN
-        self._unreported = 0
-        self._lateness_s = 0.0
+        self._telling = Telling(self._records, len(drives))
+        self._buses = Buses()
         self._woken_s = start_s
-        self._reported = ""
         self.start_at(start_s)
-        self._refused_now = False
-        self._busy_cycles = 0
-        self._bus_off = self._bus_again = False
         self._ending = False
-        self.bus_load = NAN
+        self.bus_load = float("nan")
         """Share of the bus in use, as whoever holds the port has measured it."""
 
     def start_at(self, start_s: float) -> None:
@@ -115,14 +103,14 @@ class RigCore:
     def on_frame(self, now_s: float, frame: Frame) -> Sequence[Frame]:
         """A frame was received. Nothing is ever sent in answer: what is sent waits for its slot."""
         self._heard_count += 1
-        if frame.is_error:
-            self._on_error_frame(now_s, frame)
-        elif self._bus_off:  # a controller that is off hears nothing: it was restarted by hand
-            self._on_bus_again(now_s)
+        buses = self._buses
+        if (buses.is_off or frame.is_error) and (said := buses.heard(frame)):
+            self._telling.warn(now_s, *said)
         samples, events = self._link.receive(now_s, frame)
         for sample in samples:
             self._motion.sample(sample)
-        self._note(events)
+        if events:
+            self._telling.note(events)
         return ()
 
     def cue(self, now_s: float, cue: Cue) -> None:
@@ -130,7 +118,7 @@ class RigCore:
         self._heard(now_s, "cue", *split_cue(cue))
         verdict = self._motion.cue(now_s, cue)
         if verdict.name != "accepted":
-            self._tell(now_s, f"cue_{verdict.name.replace(':', '_')}", verdict.text)
+            self._telling.warn(now_s, f"cue_{verdict.name.replace(':', '_')}", verdict.text)
 
     def command(self, now_s: float, command: CommandRecord) -> None:
         """A client's command; its reply is among the records, at the next cycle at the latest."""
@@ -159,10 +147,8 @@ class RigCore:
         """The bus did not take a frame that had passed the gate."""
         is_off = isinstance(error, BusOff)
         self._heard(now_s, "refused_off" if is_off else "refused", frame=frame)
-        self._refused_now = True
-        if is_off:
-            self._bus_off, self._bus_again = True, False
-        self._tell(now_s, "bus_refused", f"{frame} was not sent: {error}")
+        self._buses.refused(is_off=is_off)
+        self._telling.warn(now_s, "bus_refused", f"{frame} was not sent: {error}")
 
     def end(self) -> None:
         """Somebody wants to leave: park if the drives are on, then switch them off."""
@@ -209,48 +195,46 @@ class RigCore:
         self._records += (InputRecord(self._heard_count, now_s, what, frame), *details)
 
     def _begin_cycle(self, now_s: float, due: Due) -> list[Frame]:
-        self._unreported += 1
-        is_turn = self._unreported >= self._motion.shaping_cycles
-        if not self._link.drives.is_synchronous:
+        link, motion, telling, buses = self._link, self._motion, self._telling, self._buses
+        if not link.drives.is_synchronous:
             self._woken_s = now_s
-        self._motion.observe(now_s, is_needed=is_turn)
-        frames = self._link.begin(now_s)
-        self._note(self._link.drives.take_events())
-        self._busy_cycles = self._busy_cycles + 1 if self._refused_now else 0
-        self._refused_now = False
-        statuses = self._link.statuses
+        motion.observe(now_s, is_needed=telling.begins(motion))
+        frames = link.begin(now_s)
+        telling.note(link.drives.take_events())
+        buses.begin_cycle()
+        statuses = link.statuses
         inputs = self._inputs(now_s, statuses)
         outputs, self._state = self._machine.step(inputs, self._state, now_s)
-        self._requests = []
-        if self._bus_again:  # only now: the cycle must see that it was off
-            self._bus_off = self._bus_again = False
+        buses.seen()
         self._power, self._goal = outputs.power, outputs.motion
-        self._link.gate.arm() if outputs.armed else self._link.gate.disarm()
+        link.gate.arm() if outputs.armed else link.gate.disarm()
         # By the schedule, not by the wake-up: lateness must not become speed jitter.
-        self._motion.step(due.due_s, outputs.motion)
-        self._note(outputs.events)
+        motion.step(due.due_s, outputs.motion)
+        telling.note(outputs.events)
         self._records += [
             ReplyRecord(r.request_id, r.ok, r.message)
             for r in outputs.replies
             if r.request_id != OURS
         ]
         self._records += self._enquiries.replies(now_s)
-        self._report(now_s, due, statuses)
+        late_s = self._woken_s - due.due_s
+        telling.report(now_s, late_s, self._state, motion, statuses, self._schedule, self.bus_load)
         return frames
 
     def _inputs(self, now_s: float, statuses: tuple[DriveStatus, ...]) -> RigInputs:
-        age_s = self._motion.guard.age_s(now_s)
+        motion, age_s = self._motion, self._motion.guard.age_s(now_s)
+        requests, self._requests = (*self._requests, *self._own_requests()), []
         return RigInputs(
             drives=statuses,
-            cue_age_s=None if age_s == float("inf") else age_s,
-            requests=(*self._requests, *self._own_requests()),
-            at_rest=self._motion.at_rest,
-            at_parked=self._motion.at_parked,
-            near_parked=self._motion.near_parked,
+            cue_age_s=None if age_s == inf else age_s,
+            requests=requests,
+            at_rest=motion.at_rest,
+            at_parked=motion.at_parked,
+            near_parked=bool(requests) and motion.near_parked,  # only who asks for power is told
             findings=self._link.findings(now_s),
             overruns=self._schedule.missed_in_a_row,
-            busy_cycles=self._busy_cycles,
-            bus_off=self._bus_off,
+            busy_cycles=self._buses.busy_cycles,
+            bus_off=self._buses.is_off,
             gateway_alive=now_s - self._gateway_s < GATEWAY_TIMEOUT_S,
         )
 
@@ -263,72 +247,9 @@ class RigCore:
             return (Request(OURS, Command.DISARM),)
         return ()
 
-    def _on_error_frame(self, now_s: float, frame: Frame) -> None:
-        error_class = frame.can_id
-        if error_class & ERR_BUS_OFF:
-            self._bus_off, self._bus_again = True, False
-            self._tell(now_s, "bus_off", "the CAN controller has left the bus")
-        elif error_class & ERR_RESTARTED:
-            self._on_bus_again(now_s)
-
-    def _on_bus_again(self, now_s: float) -> None:
-        if not self._bus_again:
-            self._bus_again = True
-            self._tell(now_s, "bus_on", "the CAN controller is on the bus again")
-
     def _set_gain(self, command: CommandRecord) -> ReplyRecord:
         try:
             self._motion.shaper.set_gain(float(command.argument))
         except (ValueError, LimitViolation) as error:
             return ReplyRecord(command.command_id, False, str(error))
         return ReplyRecord(command.command_id, True, f"master gain {float(command.argument):g}")
-
-    # what is told
-
-    def _report(self, now_s: float, due: Due, statuses: tuple[DriveStatus, ...]) -> None:
-        """Phases that changed; the rig's state whenever it is another, else once a plan of the motion."""
-        for i, status in enumerate(statuses):
-            if status.phase is not self._phases[i]:
-                self._phases[i] = status.phase
-                self._records.append(
-                    DriveRecord(now_s, i, status.phase.value, status.enabled, status.error or "")
-                )
-        period_s, self._cycle_s = now_s - self._cycle_s, now_s
-        self._lateness_s = max(self._lateness_s, self._woken_s - due.due_s)
-        if self._unreported < self._motion.shaping_cycles and self.state == self._reported:
-            return
-        self._unreported, self._reported = 0, self.state
-        lateness_s, self._lateness_s = self._lateness_s, 0.0
-        motion, observed, reference = self._motion, self._motion.observed, self._motion.reference
-        fault = self._state.fault
-        self._records.append(
-            StateRecord(
-                now_s,
-                self.state,
-                tuple(observed.pose.tolist()) if observed.is_known else (NAN,) * len(statuses),
-                tuple(reference.pose.tolist()) if reference else (NAN,) * len(statuses),
-                actuator_states(motion),
-                tracking_error(motion),
-                lateness_s,
-                period_s,
-                self._schedule.cycles,
-                self._schedule.overruns,
-                sum(s.slots for s in statuses),
-                sum(s.pairs for s in statuses),
-                self.bus_load,
-                f"{fault.cause.value}: {fault.text}" if fault else "",
-            )
-        )
-
-    def _note(self, events: Sequence[Event]) -> None:
-        self._records += [EventRecord(e.t_s, e.severity, e.name, e.text) for e in events]
-
-    def _tell(self, now_s: float, name: str, text: str) -> None:
-        """A warning, but of its kind only one a second."""
-        told_s, held_back = self._told.get(name, (-EVENT_REPEAT_S, 0))
-        if now_s - told_s < EVENT_REPEAT_S:
-            self._told[name] = (told_s, held_back + 1)
-            return
-        more = f" ({held_back} more like it)" if held_back else ""
-        self._told[name] = (now_s, 0)
-        self._records.append(EventRecord(now_s, "warning", name, text + more))

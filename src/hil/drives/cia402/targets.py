@@ -17,13 +17,12 @@ SHORTEST_ANSWER_BITS: Final = 47 + 111
 
 
 class Targets:
-    """Setpoints of one drive in its own units. `position` is what it answered last, increments."""
+    """Setpoints of one drive in its own units. `position`: what it answered last, increments."""
 
     def __init__(self, rig: RigFile, i: int, kind: SetpointKind) -> None:
         self._actuator, self._kind = rig.actuators[i], kind
         self._units = Units(self._actuator)
         self._cycle_s = rig.bus.cycle
-        self.position = 0
         self._reference = 0.0
         self._before: float | None = None
 
@@ -31,31 +30,31 @@ class Targets:
         """No setpoint came before."""
         self._before = None
 
-    def idle(self) -> float:
+    def idle(self, position: int) -> float:
         """What moves nothing when the power comes: where the drive is, or no force, or no speed."""
         self._before = None
-        self._reference = float(self.position) if self._kind == "position" else 0.0
+        self._reference = float(position) if self._kind == "position" else 0.0
         return self._reference
 
-    def of(self, setpoint: float | None) -> float:
+    def of(self, setpoint: float | None, position: int) -> float:
         """The target for a setpoint in SI; None holds the last one."""
         if setpoint is None or not math.isfinite(setpoint):
             if self._kind != "velocity" or self._before is None:
                 return self._reference
             setpoint = self._before
         if self._kind == "velocity":
-            self._reference = self._units.raw("velocity", self._speed(setpoint))
+            self._reference = self._units.raw("velocity", self._speed(setpoint, position))
         else:
             self._reference = self._units.raw(self._kind, setpoint)
         return self._reference
 
-    def _speed(self, position: float) -> float:
+    def _speed(self, wanted: float, position: int) -> float:
         """Mode csv: the drive model's position loop, in the daemon."""
         a = self._actuator
-        measured = self._units.measured("position", self.position)
-        before, self._before = position if self._before is None else self._before, position
-        speed = a.position_gain * (position - measured)
-        speed += a.velocity_ff * (position - before) / self._cycle_s
+        measured = self._units.measured("position", position)
+        before, self._before = wanted if self._before is None else self._before, wanted
+        speed = a.position_gain * (wanted - measured)
+        speed += a.velocity_ff * (wanted - before) / self._cycle_s
         return min(max(speed, -a.velocity_max), a.velocity_max)
 
 
