@@ -44,9 +44,7 @@ def test_a_healthy_ride_has_no_gap(healthy):
     found = diagnose_rides([healthy], NOMINAL)
     assert found.verdict == "no_gap"
     for s in found.located.signals:
-        assert 0.5 < s.ratio < 1.4, (
-            s
-        )  # the floor is the record's, with what rider and road do above 4 Hz
+        assert 0.7 < s.ratio < 1.4, s
 
 
 FORK = ("front_suspension", "bicycle", {"stiffness": 9e3, "damping": 400.0})
@@ -57,12 +55,16 @@ RIDER = ("rider_motion", "bicycle", {"gain": 0.3})
 @pytest.mark.parametrize(
     ("effect", "shows"), [(FORK, "imu.gyro_y"), (TYRES, "imu.gyro_y"), (RIDER, LEAN_TORQUE)]
 )
-def test_the_twin_with_the_true_effect_is_the_noiseless_ride(effect, shows):
-    """The world is stepped at 1 kHz by forward dynamics, the twin at 100 Hz from measured angles."""
+def test_the_twin_with_the_true_effect_is_the_noiseless_ride(effect, shows, healthy):
+    """The world is stepped at 1 kHz by forward dynamics, the twin at 100 Hz from measured angles.
+
+    Counted in floors of a ride with noise: of one without, the floor is as low as sensors are believed to be.
+    """
     name, location, parameters = effect
     run = ridden(short(), 22, effect, quiet=True)
     problem = RideProblem(NOMINAL, [prepare(run, NOMINAL)])
-    floors = ride_noise(problem, problem.base, np.random.default_rng(0)).floor(problem)
+    noisy = RideProblem(NOMINAL, [prepare(healthy, NOMINAL)])
+    floors = ride_noise(noisy, noisy.base, np.random.default_rng(0)).floor(noisy)
     values = {f"{location}.{name}.{k}": v for k, v in parameters.items()}
     true = problem.table.vector(values)
 
@@ -77,8 +79,8 @@ def test_the_twin_with_the_true_effect_is_the_noiseless_ride(effect, shows):
     without, with_effect = off(problem.base), off(true)
     assert without[shows] > 0.35
     assert with_effect[shows] < 0.3 * without[shows]
-    assert max(with_effect.values()) < 0.65, "of a floor that is as low as a quiet record makes it"
-    assert without["imu.gyro_z"] < max(0.8, 0.1 * without[shows]), "yaw knows next to nothing of it"
+    assert max(with_effect.values()) < 0.45
+    assert without["imu.gyro_z"] < max(0.6, 0.1 * without[shows]), "yaw knows next to nothing of it"
 
 
 def test_every_effect_vanishes_at_its_neutral_value(healthy):

@@ -11,6 +11,7 @@ import numpy as np
 from hil.config import BicycleFile
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
+from hil.gap.bicycle.noise import with_tolerances
 from hil.gap.diagnose import as_found, explain
 from hil.gap.diagnosis import Diagnosis
 from hil.gap.frames import EFFECT as LOST
@@ -21,9 +22,6 @@ from hil.runs import Run
 EXPLAINED: Final = 0.72
 """Share of a gap's energy that a verdict must explain, half of the time [set on training cases]."""
 SOFT: Final = 0.06
-MISFIT: Final = 1.2
-"""Floors that a healthy bicycle is off its model by, in every signal: they need no explanation [set on
-training cases]."""
 
 
 def diagnose_rides(
@@ -45,8 +43,11 @@ def diagnose_rides(
         nuisances = as_found(found, ride_nuisances(rig, found.evidence.problem))
     say("locating the gap")
     located = locate_rides(runs, rig, nuisances=nuisances, seed=seed)
-    chosen = nuisances or list(ride_nuisances(rig, located.evidence.problem))
-    return _by_energy(explain(located, chosen, without=(*without, LOST), seed=seed, report=say))
+    e = located.evidence
+    chosen = nuisances or list(ride_nuisances(rig, e.problem))
+    noise = with_tolerances(e, np.array([n.sd for n in chosen]), np.random.default_rng(seed + 1))
+    counted = replace(located, evidence=replace(e, noise=noise))
+    return _by_energy(explain(counted, chosen, without=(*without, LOST), seed=seed, report=say))
 
 
 def _by_energy(found: Diagnosis) -> Diagnosis:
@@ -67,7 +68,7 @@ def _by_energy(found: Diagnosis) -> Diagnosis:
         sums[1] += float(np.sum(best.residual[x.part][rows] ** 2)) / floors[x.signal] ** 2
         sums[2] += float(rows.sum())
     was = sum(max(before / n - 1.0, 0.0) for before, _, n in energy.values())
-    left = sum(max(after / n - MISFIT**2, 0.0) for _, after, n in energy.values())
+    left = sum(max(after / n - 1.0, 0.0) for _, after, n in energy.values())
     share = 1.0 - left / max(was, 1e-9)
     unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
     factor = (1.0 - unknown) / max(1.0 - found.unknown, 1e-12)

@@ -1,20 +1,27 @@
-"""The floor of a ride: noise of its sensors, carried through the ride's own equations and filters."""
+"""The floor of a ride: noise of its sensors, carried through the ride's own equations and filters.
+
+Beside it what a healthy bicycle is off its file by: nobody weighs, measures and mounts better than that, so
+a verdict counts from there.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 from scipy.signal import welch
 
-from hil.bicycle.sensors import noise_of
+from hil.bicycle.sensors import IMU_SIGNALS, noise_of
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.twin import LEAN_TORQUE, RideTwin
-from hil.gap.noise import SPIKE, NoiseModel, autoregression
-from hil.rigs.bicycle import low_pass
+from hil.gap.noise import SPIKE, NoiseModel, autoregression, projected
+from hil.gap.result import Evidence
+from hil.rigs.bicycle import Packed, low_pass
 
 Array = NDArray[np.float64]
 
@@ -24,6 +31,10 @@ ENVELOPE_S: Final = 0.4
 QUIET_HZ: Final = (4.0, 12.0)
 SLOW_HZ: Final = 2.5
 """Taken out before: a wheel that turns is a ramp, whose spectrum has no end."""
+JUDGED_HZ: Final = 0.8
+CORNER_HZ: Final = 10.0
+"""Of the filters inside inclinometers and IMUs: between 5 and 20 Hz [R]."""
+REWEIGHTED: Final = 4
 LOUDEST: Final = (0.7, 3.0)
 """Bounds of how much louder than its file a sensor is believed to be: beyond, it is a finding."""
 SWAY: Final = 0.6
@@ -31,6 +42,21 @@ SWAY: Final = 0.6
 SWAY_S: Final = 0.4
 SHARE: Final = 0.15
 """Of a gap's size, that a model of it may be off by."""
+MASS: Final = 0.006
+"""Of a body's mass and of a drag, as one who weighs bodies apart knows them [R]; this and all that follow
+are standard deviations."""
+INERTIA: Final = 0.015
+"""Of a moment of inertia, as one who lets bodies swing knows it [R]."""
+PLACE_M: Final = 0.0015
+"""Of a tape measure [R]."""
+TILT: Final = 0.0015
+"""rad of the steer axis: a tenth of a degree [R]."""
+SCALE: Final = 0.002
+"""Of a sensor's scale, as data sheets of calibrated ones have it [R]."""
+LATE_S: Final = 0.001
+"""Of lean, wheel and steer against each other: a tenth of a sample [R]."""
+EDGE: Final = 1.4
+"""Standard deviations of all that a bicycle may be off by and need no explanation."""
 
 
 def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) -> NoiseModel:
@@ -101,10 +127,62 @@ def tempered(model: NoiseModel, problem: RideProblem, residual: Array) -> NoiseM
     return replace(model, sigma=sigma)
 
 
-def _loudness(twin: RideTwin) -> dict[str, float]:
-    """By signal, what is recorded between QUIET_HZ over what the rig file's noise would be there.
+def with_tolerances(evidence: Evidence, sd: Array, rng: np.random.Generator) -> NoiseModel:
+    """The noise of `evidence` with draws that hold as well what a healthy bicycle is off its file by.
 
-    The median over frequencies: wheels that are not round and pedals make lines, sensors make a floor.
+    Draws of the bicycle's numbers and of its sensors' scales and times go through the twin; the nuisances,
+    whose priors are `sd` (K,) wide, take from each what they take from a record.
+    """
+    model, problem = evidence.noise, evidence.problem
+    assert isinstance(problem, RideProblem)
+    values = problem.values(evidence.vector)
+    off = np.empty_like(model.draws)
+    for d in range(len(off)):
+        told = _mounted(values, rng)
+        seed = int(rng.integers(2**31))
+        parts = []
+        for twin in problem.twins:
+            built = replace(twin, bicycle=_built(twin.bicycle, np.random.default_rng(seed)))
+            right, wrong = twin.answer(values), built.answer(told)
+            parts += [EDGE * (wrong[s] - right[s]) for s in twin.signals]
+        off[d] = np.concatenate(parts)
+    off = np.where(np.isfinite(off), off, 0.0)
+    freed = projected(replace(model, draws=off), problem, evidence.jacobian, sd)
+    return replace(
+        model,
+        draws=model.draws + freed.draws,
+        text=f"{model.text}; for the verdict with what a healthy bicycle is off its file by",
+    )
+
+
+def _built(nominal: Packed, rng: np.random.Generator) -> Packed:
+    """A bicycle that was built and measured as well as bicycles are."""
+    p, body, extra = nominal.p.copy(), nominal.body.copy(), nominal.extra.copy()
+    turn = np.arctan2(p[3], p[4]) + TILT * rng.standard_normal()
+    p[3], p[4] = np.sin(turn), np.cos(turn)
+    p[7:11] += PLACE_M * rng.standard_normal(4)
+    body[:, 0] *= 1.0 + MASS * rng.standard_normal(4)
+    body[:, 1:] *= 1.0 + INERTIA * rng.standard_normal((4, 1))
+    extra[1] *= 1.0 + 10.0 * MASS * rng.standard_normal()
+    extra[2:] += PLACE_M * rng.standard_normal(3)
+    return Packed(p, body, extra, nominal.sensor, nominal.encoder_on_frame)
+
+
+def _mounted(values: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:
+    """`values` with sensors that are as true as calibrated ones are."""
+    out = dict(values)
+    for s in (*SIGNALS, *IMU_SIGNALS):
+        out[f"{s}.sensor_scale.scale"] *= 1.0 + SCALE * rng.standard_normal()
+        if s in SIGNALS:
+            out[f"{s}.sensor_latency.delay"] += LATE_S * rng.standard_normal()
+    return out
+
+
+def _loudness(twin: RideTwin) -> dict[str, float]:
+    """By signal, the noise that a record has below QUIET_HZ over what the rig file's would be there.
+
+    Read between QUIET_HZ, by the median over time, for jerks are no noise, and over frequencies, for wheels
+    that are not round make lines; and led on to where rides are judged, for many sensors' noise is not white.
     """
     ride = twin.recorded
     series = {s: (ride.t_s, ride.angles[:, k]) for k, s in enumerate(SIGNALS)} | ride.imu
@@ -115,11 +193,28 @@ def _loudness(twin: RideTwin) -> dict[str, float]:
         expected = 2.0 * (sigma**2 + step**2 / 12.0) / rate
         values = values - low_pass(values[:, None], 1.0 / rate, SLOW_HZ, 4)[:, 0]
         width = min(len(values), round(2.0 * rate))
-        hz, power = welch(values, rate, nperseg=width)
+        hz, power = welch(values, rate, nperseg=width, average="median")
         quiet = (hz > QUIET_HZ[0]) & (hz < QUIET_HZ[1])
-        seen = float(np.median(power[quiet])) if quiet.any() else expected
+        seen = float(np.median(power[quiet])) * _rise(hz, power) if quiet.any() else expected
         out[s] = float(np.clip(np.sqrt(seen / max(expected, 1e-30)), *LOUDEST))
     return out
+
+
+def _rise(hz: Array, power: Array) -> float:
+    """How much more power noise has at JUDGED_HZ than, by the median, between QUIET_HZ: 1 where it is white.
+
+    By white noise and a part through a low-pass at CORNER_HZ, fitted in relative errors to what is faster
+    than a rider.
+    """
+    fast = (hz > QUIET_HZ[0]) & (hz < 0.9 * hz[-1])
+    quiet = (hz > QUIET_HZ[0]) & (hz < QUIET_HZ[1])
+    shape = np.stack([np.ones_like(hz), 1.0 / (1.0 + (hz / CORNER_HZ) ** 2)], axis=1)
+    level = np.maximum(power, 1e-300)
+    for _ in range(REWEIGHTED):  # what a line or a lucky bin adds must not lead
+        share, _ = nnls(shape[fast] / level[fast, None], power[fast] / level[fast])
+        level = np.maximum(shape @ share, 1e-300)
+    at = share @ np.array([1.0, 1.0 / (1.0 + (JUDGED_HZ / CORNER_HZ) ** 2)])
+    return float(max(at / np.median(level[quiet]), 1.0))
 
 
 def _sway(rng: np.random.Generator, count: int, dt_s: float) -> Array:
