@@ -11,6 +11,7 @@ from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.errors import IdentificationError
 from hil.identify.estimate.fit import LinearOptions, identify
+from hil.identify.estimate.fit_twin import TwinOptions, identify_twin
 from hil.identify.replay import Stretch, stretches
 from tests.identify.estimate_data import as_run, multisine, play
 
@@ -63,6 +64,18 @@ def test_a_force_in_kilonewtons(piece: Stretch, rig: RigFile) -> None:
         identify([as_run(piece, rig, leg1__force=wrong)], rig, FAST)
 
 
+@pytest.mark.parametrize(
+    ("signal", "factor", "said"),
+    [("leg1.force", -1.0, "opposite sign"), ("leg2.force", 1e-3, r"0\.00\d+ times .* SI units")],
+)
+def test_a_wrong_sign_or_unit_before_the_twin(
+    piece: Stretch, rig: RigFile, signal: str, factor: float, said: str
+) -> None:
+    wrong = {signal.replace(".", "__"): factor * piece.samples[signal][1]}
+    with pytest.raises(IdentificationError, match=rf"{signal} .*{said}"):
+        identify_twin([as_run(piece, rig, **wrong)], rig, TwinOptions(("mass.m",)))
+
+
 def test_a_clipped_force(piece: Stretch, rig: RigFile) -> None:
     force = piece.samples["leg1.force"][1]
     with pytest.raises(
@@ -88,6 +101,12 @@ def test_a_record_without_forces(piece: Stretch, rig: RigFile) -> None:
 def test_nothing_moved(rig: RigFile) -> None:
     still = play(rig, np.zeros((400, 3)))
     with pytest.raises(IdentificationError, match=r"too little excitation .*hil experiment"):
+        identify([as_run(still, rig)], rig, FAST)
+
+
+def test_a_motion_of_a_hundredth_of_the_limits(rig: RigFile) -> None:
+    still = play(rig, multisine(rig, 6.0, 1, 3.0, share=0.01))
+    with pytest.raises(IdentificationError, match=r"no coordinate used 2 % .* --amplitude"):
         identify([as_run(still, rig)], rig, FAST)
 
 

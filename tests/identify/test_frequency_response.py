@@ -13,6 +13,7 @@ from hil.identify.frequency.line_noise import steadied
 from hil.identify.frequency.local_polynomial import local_response
 from hil.identify.frequency.parametric import fit_second_order
 from hil.identify.frequency.periodic import respond, spectra
+from hil.identify.frequency.response import FrequencyResponse
 from hil.identify.frequency.windows import Window
 from tests.identify.frequency_data import Multisine, analytic, irregular, sampled
 
@@ -117,6 +118,32 @@ def test_an_interval_reaches_as_far_as_the_data_bear_and_not_as_far_as_a_tangent
     assert held(fits, "frequency") >= 0.9
     assert held(fits, "damping") >= 0.9
     assert held(fits, "delay") >= 0.9
+
+
+def test_a_response_of_one_throughout_has_intervals_whose_ends_lie_in_another_valley():
+    """Of a chirp under pre-control: a break far above all lines, or a delay, explain next to nothing."""
+    hz = np.array([0.206, 0.588, 0.97, 1.35, 1.73, 2.12, 2.5, 2.88, 3.26, 3.65, 4.03, 4.41])
+    value = np.ones(12) + 1e-6j * np.array(
+        [215.0, -97.5, -27.8, -33.2, -31.8, -37.9, -63.9, -75.3, -86.8, -79.0, -92.4, -83.8]
+    )
+    value[0] -= 0.001
+    std = 1e-6 * np.array([213.0, 18.7, 12.4, 11.7, 15.8, 14.4, 12.1, 12.3, 12.2, 16.6, 13.2, 30.4])
+    ones = np.ones(12)
+    measured = FrequencyResponse(
+        "cue.pitch",
+        "setpoint.pitch",
+        "rad/rad",
+        "local polynomial",
+        hz,
+        value,
+        std,
+        7.0 * ones,
+        ones,
+    )
+    known = 1.0 + 2.3e-8 * hz**4
+    fit = fit_second_order(measured, known.astype(complex))
+    assert fit.parameters["gain"].interval[0] < 1.0 < fit.parameters["gain"].interval[1]
+    assert not fit.parameters["frequency"].is_told
 
 
 def test_lines_that_do_differ_in_noise_keep_their_own():

@@ -15,6 +15,7 @@ from hil.config.base import Settings
 from hil.configfile import find_rig_file, load_rig
 from hil.drivefiles import load_profiles
 from hil.errors import ConfigError
+from hil.rigs import build_rig
 
 app = typer.Typer(help="Rig files: everything about a rig in one TOML file.", no_args_is_help=True)
 
@@ -24,6 +25,7 @@ def check(rig: RigArgument, json: JsonFlag = False) -> None:
     """Read a rig file and say what is wrong with it, or that nothing is. Exit code 1 if it is wrong."""
     try:
         loaded = load_rig(rig)
+        build_rig(loaded)
         require_schedule_fits(loaded, load_profiles(loaded))
     except ConfigError as error:
         if json:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, cast
 
 import msgspec
 import typer
+from rich.markup import escape
 from rich.table import Table
 from typer.core import TyperGroup
 
@@ -172,7 +173,7 @@ def _show(outcome: Outcome, *, json: bool) -> None:
     out.print(_table(result))
     for e in result.estimates:
         if e.reason:
-            out.print(f"[yellow]{e.name}[/]: {e.reason}", soft_wrap=True)
+            out.print(f"[yellow]{escape(e.name)}[/]: {escape(e.reason)}", soft_wrap=True)
     for text in result.untold:
         out.print(f"not told: {text}", soft_wrap=True, markup=False)
     for text in result.notes:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hil.config.rig import RigFile
-from hil.errors import KinematicsError
+from hil.errors import ConfigError, KinematicsError
 from hil.rigs import solutions
 from hil.rigs.kernel import MOTORCYCLE, platform_motion
 from hil.rigs.pack import (
@@ -200,5 +200,15 @@ class Manipulator:
 
 
 def build_rig(rig: RigFile) -> Manipulator:
-    """The mechanism that a rig file describes."""
-    return Manipulator(rig)
+    """The mechanism that a rig file describes. ConfigError where its neutral pose is out of reach."""
+    manipulator = Manipulator(rig)
+    at_neutral = manipulator.inverse(manipulator.neutral)
+    for name, position, (low, high) in zip(
+        manipulator.actuators, at_neutral, manipulator.strokes, strict=True
+    ):
+        if not low <= position <= high:
+            raise ConfigError(
+                f"{rig.name}: at the neutral pose {name} would stand at {position:.4g}, outside its stroke "
+                f"{low:g}..{high:g}: see whether [geometry] and stroke are in m (rad) and from the same zero"
+            )
+    return manipulator

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -22,6 +22,12 @@ REPEATS: Final = 6
 """Equal extreme values in a row that no moving drive gives [R]."""
 LEAST_MOVING: Final = 0.02
 """Share of the time that an actuator must move for its friction to be judged."""
+QUIET: Final = 0.02
+"""Share of its limits on position and on speed below which a coordinate counts as at rest [R]."""
+TOO_LITTLE: Final = (
+    "too little excitation to identify anything. Play a chirp or a multisine (hil experiment), with a "
+    "larger --amplitude or --share"
+)
 
 
 def check_rig(run: Run, rig: RigFile) -> None:
@@ -104,6 +110,32 @@ def check_force(problem: Regression, rig: RigFile) -> None:
             )
 
 
+def check_answers(signals: Sequence[tuple[str, Array, Array]]) -> None:
+    """Sign and unit of measured signals against what the twin of the rig file answers to the same setpoints.
+
+    `signals`: name, measured, predicted. IdentificationError for opposite sign and for factors that no wrong
+    parameter makes.
+    """
+    for name, measured, predicted in signals:
+        power = float(np.sqrt((measured @ measured) * (predicted @ predicted)))
+        if power <= 0.0:
+            continue
+        alike = float(measured @ predicted) / power
+        factor = float(measured @ predicted) / float(predicted @ predicted)
+        if alike < -0.5:
+            raise IdentificationError(
+                f"{name} has the opposite sign of what the rig file predicts (correlation {alike:.2f}): "
+                "turn it"
+            )
+        most, unit = (
+            (4.0, "m/s² or rad/s") if ".imu." in f".{name}" else (20.0, "SI units (m, rad, N)")
+        )
+        if alike > 0.7 and not 1.0 / most < factor < most:
+            raise IdentificationError(
+                f"{name} is {factor:.3g} times what the rig file predicts: is it in {unit}?"
+            )
+
+
 def check_motion(prepared: Sequence[Prepared], rig: RigFile) -> dict[str, str]:
     """Reasons, by parameter's name, why these data cannot tell it: actuators that stood still.
 
@@ -117,26 +149,41 @@ def check_motion(prepared: Sequence[Prepared], rig: RigFile) -> dict[str, str]:
             still.append(name)
             for field in ("viscous", "coulomb"):
                 reasons[f"{name}.{field}"] = f"{name} never moved: friction there cannot be judged"
+    runs = ", ".join(p.name for p in prepared)
     if len(still) == len(rig.actuators):
         raise IdentificationError(
-            f"{', '.join(p.name for p in prepared)}: no actuator moved faster than its noise "
-            f"({1e3 * float(prepared[0].slowest_m_s.max()):.2g} mm/s): too little excitation to identify "
-            "anything. Play a chirp or a multisine (hil experiment)"
+            f"{runs}: no actuator moved faster than its noise "
+            f"({1e3 * float(prepared[0].slowest_m_s.max()):.2g} mm/s): {TOO_LITTLE}"
+        )
+    quiet = quiet_coordinates(prepared, rig)
+    if len(quiet) == len(rig.coordinates):
+        uses = ", ".join(f"{name} {100.0 * use:.2g} %" for name, use in quiet.items())
+        raise IdentificationError(
+            f"{runs}: no coordinate used {100.0 * QUIET:g} % of its limits ({uses}): {TOO_LITTLE}"
         )
     return reasons
 
 
-def quiet_coordinates(prepared: Sequence[Prepared], rig: RigFile) -> list[str]:
-    """Sentences about coordinates that hardly moved: under 2 % of their limit."""
-    notes = []
+def quiet_coordinates(prepared: Sequence[Prepared], rig: RigFile) -> dict[str, float]:
+    """Coordinates that hardly moved, with the share of their limits that they used: span or speed."""
+    found = {}
+    speeds = rig.cue_limits()[0]
     for k, name in enumerate(rig.coordinates):
         span = max(float(np.ptp(p.q[:, k])) for p in prepared)
-        if span < 0.02 * rig.limits[k]:
-            notes.append(
-                f"{name} never moved (span {span:.2g} of ±{rig.limits[k]:g}): what only {name} shows, such "
-                "as its moment of inertia, cannot be told"
-            )
-    return notes
+        speed = max(float(np.max(np.abs(p.qd[:, k]))) for p in prepared)
+        share = max(span / rig.limits[k], speed / speeds[k])
+        if share < QUIET:
+            found[name] = share
+    return found
+
+
+def at_rest(quiet: Mapping[str, float]) -> list[str]:
+    """A sentence about each coordinate that hardly moved."""
+    return [
+        f"{name} never moved ({100.0 * share:.2g} % of its limits): what only {name} shows, such as its "
+        "moment of inertia, cannot be told"
+        for name, share in quiet.items()
+    ]
 
 
 def _total(problem: Regression, i: int) -> Array:

@@ -15,6 +15,7 @@ from hil.identify.estimate import linear
 from hil.identify.estimate.adaptive import adapt
 from hil.identify.estimate.calibration import calibrate, misfit, simulated
 from hil.identify.estimate.checks import (
+    at_rest,
     check_force,
     check_motion,
     check_rig,
@@ -25,7 +26,7 @@ from hil.identify.estimate.directions import analyse
 from hil.identify.estimate.names import is_rig_number, with_numbers
 from hil.identify.estimate.prepare import cutoff_of, prepare
 from hil.identify.estimate.regression import BodySet, Regression, regression
-from hil.identify.estimate.result import Identification, estimates
+from hil.identify.estimate.result import Estimate, Identification, estimates
 from hil.identify.replay import Stretch, stretches
 from hil.runs import Run
 
@@ -113,7 +114,7 @@ def identify_linear(
     problem = problem_of(pieces)
     reasons = check_motion(problem.prepared, rig)
     check_force(problem, rig)
-    notes = [*notes, *quiet_coordinates(problem.prepared, rig)]
+    notes = [*notes, *at_rest(quiet_coordinates(problem.prepared, rig))]
     replayable = all(len(p.setpoints) == len(rig.actuators) for p in pieces)
     method = options.method or ("iv" if replayable else "wls")
     instruments = None
@@ -161,7 +162,7 @@ def identify_linear(
     analysis = analyse(problem.names, covariance, problem.scale)
     rows = [(c.name, c.unit, c.nominal, c.scale) for c in problem.columns]
     answer = estimates(rows, values, covariance, found.dof, analysis, reasons)
-    notes += _impossible(problem.names, values)
+    notes += _impossible(answer)
     predicted = problem.W @ values
     return Outcome(
         Identification(
@@ -223,13 +224,13 @@ def body_numbers(values: Mapping[str, float]) -> dict[str, float]:
     return out
 
 
-def _impossible(names: Sequence[str], values: Array) -> list[str]:
-    """Sentences on values that no rig can have."""
+def _impossible(found: Sequence[Estimate]) -> list[str]:
+    """Sentences on values that no rig can have; the scatter of what is not told says nothing."""
     positive = ("mass.m", ".xx", ".yy", ".zz", ".viscous", ".coulomb")
     return [
-        f"{name} came out at {value:.4g}, which no rig has: treat everything here with suspicion"
-        for name, value in zip(names, values, strict=True)
-        if value < 0.0 and name.endswith(positive)
+        f"{e.name} came out at {e.value:.4g}, which no rig has: treat everything here with suspicion"
+        for e in found
+        if e.ci95[1] < 0.0 and e.name.endswith(positive)
     ]
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.identify.estimate.calibration import redrawn, weigh
+from hil.identify.estimate.checks import check_answers
 from hil.identify.estimate.directions import UNTOLD, analyse
 from hil.identify.estimate.fit import Curves, Outcome, checked
 from hil.identify.estimate.gridsearch import grid_search
@@ -64,6 +65,8 @@ def identify_twin(runs: Sequence[Run], rig: RigFile, options: TwinOptions | None
     pieces, notes = checked(runs, rig)
     names = options.parameters or default_parameters(rig)
     problem = TwinProblem(rig, pieces, names, options.quantities)
+    nominal = problem.predict(np.array([[x.value for x in problem.numbers]]))[0]
+    check_answers([(name, problem.measured[part], nominal[part]) for name, part in problem.signals])
     best = None
     method = "twin"
     if options.grid is not None:

@@ -118,7 +118,7 @@ def _reason(name: str, unit: str, half: float, scale: float, untold: Direction |
             f"{untold.text} (in units of their sizes) are determined"
         )
     if half > 1e3 * scale:
-        return f"nothing in these data depends on {name}: play a motion that does"
+        return f"these data say nothing of {name}: play a motion that depends on it"
     return (
         f"these data leave ±{half:.3g} {unit} (95 %), over half of its size {scale:.3g}: play a "
         "longer or stronger motion of what it acts on"

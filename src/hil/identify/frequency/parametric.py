@@ -218,15 +218,21 @@ class _Problem:
         bound = self._bounds[name][1 if sign > 0.0 else 0]
         room = abs(bound - best.values[name])
         last = best.values
+        # Steps that were asked already: from elsewhere one may find a lower valley than at first.
+        known: dict[float, float] = {}
 
         def above(step: float) -> float:
             nonlocal last
+            if step in known:
+                return known[step]
             value = best.values[name] + sign * step
             starts = [_along(values, name, value, others) for values in (best.values, last)]
             there = min((self._profiled(x, others) for x in starts), key=lambda x: x.cost)
             last = there.values
-            return float(np.sqrt(2.0 * max(there.cost - best.cost, 0.0))) - rise
+            known[step] = float(np.sqrt(2.0 * max(there.cost - best.cost, 0.0))) - rise
+            return known[step]
 
+        known[0.0] = -rise
         inner, outer = 0.0, min(max(guess, 1e-12 * max(abs(best.values[name]), 1.0)), room)
         while outer < room and above(outer) < 0.0:
             inner, outer = outer, min(2.0 * outer, room)

@@ -78,13 +78,13 @@ def panels(parts: Sequence[Panel], columns: int = 1, height: int = 260) -> go.Fi
         )
         figure.update_yaxes(title={"text": part.y_title, "standoff": 6}, row=row, col=column)
     figure.update_layout(
-        height=height * rows + 70,
-        margin={"l": 70, "r": 20, "t": 60, "b": 46},
+        height=height * rows + 98,
+        margin={"l": 70, "r": 20, "t": 88, "b": 46},
         template="plotly_white",
         font=FONT,
         legend={
             "orientation": "h",
-            "y": 1.0 + 40.0 / (height * rows),
+            "y": 1.0 + 26.0 / (height * rows),  # above the titles, below the toolbar
             "x": 0.0,
             "yanchor": "bottom",
         },

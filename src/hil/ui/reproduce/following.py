@@ -31,7 +31,7 @@ SETTLED: Final = 0.05
 BESIDE_HZ: Final = 0.2
 """So far from the outermost line of a response its value still stands for the frequency asked for."""
 SURE: Final = 0.3
-"""Lines whose 95 % disc is wider than this share of the response are not shown: the chirp fades there."""
+"""Lines whose 95 % disc is wider than this share of the response are not shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +214,11 @@ def _reaches(t: Array, y: Array, level: float) -> float:
 
 
 def _response(p: Played) -> FrequencyResponse:
-    found = analyse([p.run], p.job.rig, output_name="pitch", method="local", highest_hz=HIGH_HZ)
+    """Of pitch to its cue, up to where the chirp begins to fade."""
+    plan = p.description.plan
+    assert isinstance(plan, Chirp)
+    whole_hz = plan.f_max - (plan.f_max - plan.f_min) * plan.fade_s / plan.duration_s
+    found = analyse([p.run], p.job.rig, output_name="pitch", method="local", highest_hz=whole_hz)
     r = found.response
     sure = r.radius < SURE * np.abs(r.value)
     return replace(

@@ -70,7 +70,7 @@ class Report:
     @property
     def facts(self) -> dict[str, float]:
         """All sections' numbers."""
-        return {name: value for s in self.sections for name, value in s.facts.items()}
+        return {name: float(value) for s in self.sections for name, value in s.facts.items()}
 
 
 _STYLE: Final = """<style>

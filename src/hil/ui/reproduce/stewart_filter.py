@@ -23,16 +23,18 @@ from hil.ui.reproduce import stewart_prose as prose
 from hil.ui.reproduce.bench import Played
 from hil.ui.reproduce.curves import COMMANDED, Curve, Panel, panels
 from hil.ui.reproduce.report import Lengths, Section, Table
-from hil.ui.reproduce.stewart_rig import SIX_HZ
+from hil.ui.reproduce.stewart_rig import IMU_HZ, IN_STEP, SIX_HZ
 
 SIGNALS: Final = ("five", "six")
 POSE: Final = "filter by measured pose"
 TOLD: Final = "filter by setpoints"
-SENSORS: Final = {"heave": "encoders, by forward kinematics", "imu.accel_z": "IMU, vertical"}
+IMU: Final = "imu.accel_z"
+SENSORS: Final = {"heave": "encoders, by forward kinematics", IMU: "IMU, vertical"}
 ROWS: Final = {
     TOLD: "found: cue → recorded setpoints",
     "heave": "found: cue → pose by encoders",
-    "imu.accel_z": "found: cue → IMU",
+    IMU: "found: cue → IMU",
+    IN_STEP: "found: cue → IMU in step with the setpoints",
 }
 EQUAL: Final = {"damping": 1.0}
 DELAY_ALONE: Final = {"gain": 1.0, "damping": 1.0, "frequency": 1.0e6}
@@ -47,12 +49,11 @@ def filter_section(played: Mapping[str, Played], lengths: Lengths) -> Section:
     poses = analysed["heave"]
     whole, command = ({f: k for a in poses for f, k in _known(a, name)} for name in (POSE, TOLD))
     found = {s: joined([a.response for a in parts]) for s, parts in analysed.items()}
-    imu = found["imu.accel_z"]
-    twice = (2j * np.pi * imu.hz) ** 2  # acceleration over position
-    found["imu.accel_z"] = replace(imu, value=imu.value / twice, std=imu.std / abs(twice))
+    found[IMU] = _as_position(found[IMU])
     told = joined([a.links["cue to setpoints"] for a in poses])
     fits = {TOLD: fit_second_order(told, _at(command, told), EQUAL)}
     fits |= {s: fit_second_order(r, _at(whole, r), EQUAL) for s, r in found.items()}
+    fits[IN_STEP] = _in_step(played[IN_STEP], lengths, fits[TOLD].parameters["frequency"].value)
     drives = joined([a.links["setpoints to pose"] for a in poses])
     late = fit_second_order(drives, _at(whole, drives) / _at(command, drives), DELAY_ALONE)
     clock_s = late.parameters["delay"]
@@ -71,16 +72,18 @@ def filter_section(played: Mapping[str, Played], lengths: Lengths) -> Section:
         rows.append(
             (
                 ROWS[name],
-                _with_interval(fit, "frequency", 1.0),
+                _with_interval(fit, "frequency") if name != IN_STEP else "held",
                 _with_interval(fit, "delay", 1e3),
-                f"{p['gain'].value:.4f}",
+                _with_interval(fit, "gain", digits=4),
                 f"{fit.misfit:.1f}",
             )
         )
-        key = {TOLD: "setpoints", "heave": "pose"}.get(name, "imu")
-        for what, unit in (("delay", "s"), ("frequency", "hz")):
-            facts[f"{what}_{key}_{unit}"] = p[what].value
-            facts[f"{what}_{key}_low_{unit}"], facts[f"{what}_{key}_high_{unit}"] = p[what].interval
+        key = {TOLD: "setpoints", "heave": "pose", IMU: "imu"}.get(name, name)
+        for what, unit in (("delay", "_s"), ("frequency", "_hz"), ("gain", "")):
+            if what in p:
+                low, high = p[what].interval
+                facts[f"{what}_{key}{unit}"] = p[what].value
+                facts[f"{what}_{key}_low{unit}"], facts[f"{what}_{key}_high{unit}"] = low, high
     rows.append(
         ("the drives' clock, setpoints → pose", "", _with_interval(late, "delay", 1e3), "", "")
     )
@@ -90,9 +93,13 @@ def filter_section(played: Mapping[str, Played], lengths: Lengths) -> Section:
         pose=1e3 * fits["heave"].parameters["delay"].value,
         clock=1e3 * clock_s.value,
         highest=max(SIX_HZ),
+        imu_hz=IMU_HZ,
+        locked_hz=played[IN_STEP].job.rig.imu.rate if played[IN_STEP].job.rig.imu else 0.0,
+        imu_gain=100.0 * (fits[IMU].parameters["gain"].value - 1.0),
+        locked_gain=100.0 * (fits[IN_STEP].parameters["gain"].value - 1.0),
         periods=lengths.periods,
     )
-    head = ("", "break frequency, Hz (95 %)", "delay, ms (95 %)", "gain", "misfit / noise")
+    head = ("", "break frequency, Hz (95 %)", "delay, ms (95 %)", "gain (95 %)", "misfit / noise")
     return Section(words, (figure,), Table(head, tuple(rows)), facts)
 
 
@@ -160,7 +167,23 @@ def _pictures(
     )
 
 
-def _with_interval(fit: SecondOrderFit, name: str, factor: float) -> str:
+def _in_step(played: Played, lengths: Lengths, frequency_hz: float) -> SecondOrderFit:
+    """Gain and delay by an IMU that samples in step with the setpoints, the filter's frequency known."""
+    rig = played.job.rig
+    known = dict(_known(_analysed(played, rig, lengths, "heave"), POSE))
+    response = _as_position(_analysed(played, rig, lengths, IMU).response)
+    return fit_second_order(response, _at(known, response), {**EQUAL, "frequency": frequency_hz})
+
+
+def _as_position(acceleration: FrequencyResponse) -> FrequencyResponse:
+    """The response of the position whose acceleration was measured."""
+    twice = (2j * np.pi * acceleration.hz) ** 2
+    return replace(
+        acceleration, value=acceleration.value / twice, std=acceleration.std / np.abs(twice)
+    )
+
+
+def _with_interval(fit: SecondOrderFit, name: str, factor: float = 1.0, digits: int = 2) -> str:
     p = fit.parameters[name]
-    low, high = p.interval
-    return f"{factor * p.value:.2f} ({factor * low:.2f} … {factor * high:.2f})"
+    low, high = (f"{factor * x:.{digits}f}" for x in p.interval)
+    return f"{factor * p.value:.{digits}f} ({low} … {high})"

@@ -16,12 +16,13 @@ Geometry, masses and gains of the rig file are reconstructed: consistent with ev
 left, and not the only ones that are {R}.</p>
 <p>“Measured” is the simulated rig, which has what the model that is fitted to it lacks: friction and
 hysteresis in the legs, rotor masses of {{rotor:g}} kg a leg, sampling, jitter and noise. For this
-page two things of the rig file are changed. Its encoders get the 0.6 µm that the paper's
-specifications name. And its friction becomes small, {{coulomb:g}} N Coulomb and {{hysteresis:g}} N of
-hysteresis a leg instead of {{file:g}} N: the paper's scheme lives from a static following error of (1
-− K_s) F / K_p, which is about 10 µm with K_p = {{k_p:g}} kN/m {R}, and {{file:g}} N of friction would
-bury it under {{buried:.0f}} µm. That the paper could see both means that its legs rub less, or are
-held stiffer, than our reconstruction would have it.</p>"""
+page three things of the rig file are changed. Its IMU samples at another rate (figure 2 says why).
+Its encoders get the 0.6 µm that the paper's specifications name. And its friction becomes small,
+{{coulomb:g}} N Coulomb and {{hysteresis:g}} N of hysteresis a leg instead of {{file:g}} N: the paper's
+scheme lives from a static following error of (1 − K_s) F / K_p, which is about 10 µm with K_p =
+{{k_p:g}} kN/m {R}, and {{file:g}} N of friction would bury it under {{buried:.0f}} µm. That the paper
+could see both means that its legs rub less, or are held stiffer, than our reconstruction would have
+it.</p>"""
 
 FILTER: Final = Prose(
     "Figure 2 · describing function in heave",
@@ -40,9 +41,13 @@ play setpoints on their own clock, which starts somewhere within the jitter of t
 keeps that phase for the whole run; no rig file can know it, and a measured pose cannot part it from
 the filter's delay. Whoever reads 35 ms off such a figure, as the paper does, reads the sum. The IMU
 needs no kinematics, but its noise shows at low frequency, where there is little acceleration, as the
-paper remarks of its deviations. That the 10 Hz are right the surviving digits of the coefficients
-show; the 35 ms of the real platform cannot be confirmed: that value was put in, because it agrees
-with the digit that is left {R}.</p>""",
+paper remarks of its deviations. Its gain is off by {{imu_gain:+.1f}} % when it samples {{imu_hz:g}}
+times a second, and by {{locked_gain:+.1f}} % at {{locked_hz:g}}: drives draw straight lines between
+setpoints, so that all acceleration comes in pushes at their corners, a hundred a second, and a sensor
+whose clock is a multiple of theirs meets every push at the same place. No filter after the sampling
+can take that off; another rate of samples does. That the 10 Hz are right the surviving digits of the
+coefficients show; the 35 ms of the real platform cannot be confirmed: that value was put in, because
+it agrees with the digit that is left {R}.</p>""",
 )
 
 DIAGRAM: Final = Prose(

@@ -19,6 +19,11 @@ RESOLUTION_M: Final = 0.6e-6
 FIVE_HZ: Final = (0.2, 0.6, 1.2, 2.2, 4.0)
 SIX_HZ: Final = (0.4, 0.8, 1.6, 2.8, 3.4, 4.6)
 """Lines of the two signals for the describing function: the paper has five and six, not which."""
+IMU_HZ: Final = 225.0
+"""Of samples: whatever of the setpoints' corners stands at 100, 200 or 300 Hz folds to 25 Hz or above,
+far from the lines; no multiple of the setpoints' rate below 900 Hz folds onto them."""
+IN_STEP: Final = "in_step"
+"""The six lines again with an IMU that samples twice in each cycle of setpoints, as the rig file's does."""
 SWEEP_RAD_S2: Final = 0.6
 CIRCLE_M: Final = 0.25
 HEAVE_HZ: Final = 0.5
@@ -26,12 +31,16 @@ ROTATIONS: Final = ("roll", "pitch", "yaw")
 
 
 def lengths_rig(rig: RigFile) -> RigFile:
-    """`rig` with encoders as fine as the paper's and hardly any friction in the legs.
+    """`rig` with encoders as fine as the paper's, hardly any friction in the legs, and an IMU out of step.
 
     K_s = 0.997 leaves 0.003 of the legs' load to be held by K_p: about 10 um at K_p = 250 kN/m. The rig
     file's 35 N of Coulomb friction would hide that behind 140 um of hysteresis.
     """
-    made = variant(rig, noise={"position": RESOLUTION_M, "position_step": RESOLUTION_M})
+    made = variant(
+        rig,
+        noise={"position": RESOLUTION_M, "position_step": RESOLUTION_M},
+        imu={"rate": IMU_HZ},
+    )
     return with_numbers(made, {"all.coulomb": COULOMB_N, "all.viscous": VISCOUS_N_S_M})
 
 
@@ -78,4 +87,6 @@ def jobs(rig: RigFile, lengths: Lengths) -> list[Job]:
             realisations=1,
         )
     effects = hysteresis(rig)
-    return [Job(name, plan, rig, effects, seed=k) for k, (name, plan) in enumerate(plans.items())]
+    out = [Job(name, plan, rig, effects, seed=k) for k, (name, plan) in enumerate(plans.items())]
+    locked = variant(rig, imu={"rate": 2.0 / rig.bus.cycle})
+    return [*out, Job(IN_STEP, plans["six"], locked, effects, seed=len(out))]
