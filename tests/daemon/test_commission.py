@@ -15,6 +15,7 @@ from hil.bus.port import open_port
 from hil.config import RigFile
 from hil.daemon import commission_objects as objects
 from hil.daemon.commission import Desk
+from hil.daemon.commission_access import NoAnswer
 from hil.daemon.commission_scan import scan
 from hil.daemon.lock import RigLock
 from hil.drivefiles import load_profiles
@@ -74,6 +75,11 @@ def test_a_cia_402_drive_is_found_read_written_and_jogged(tmp_path: Path) -> Non
                 objects.write(desk.objects, "0x6040", "15")
             with pytest.raises(ProtocolError, match="no object 'nonsense'"):
                 objects.read(desk.objects, "nonsense")
+            with pytest.raises(ProtocolError, match="near: Max torque"):
+                objects.read(desk.objects, "max torqe")
+            for text, why in (("-5", "within 0..65535"), ("0.1", "no whole number")):
+                with pytest.raises(ProtocolError, match=f"Following error time out.*{why}"):
+                    objects.write(desk.objects, "0x6066", text)
             assert desk.jog(0.005, 0.03) == pytest.approx(0.005, abs=5e-4)
         with Desk(rig, profiles, "axis") as desk:
             with pytest.raises(ConfigError, match="outside"):
@@ -115,9 +121,24 @@ def test_a_lust_drive_is_found_read_written_and_jogged(tmp_path: Path) -> None:
             assert objects.write(desk.objects, "watchdog", "0.2")[1] == pytest.approx(0.2)
             with pytest.raises(DriveError, match="not among the parameters"):
                 objects.write(desk.objects, "position gain", "90")
+            with pytest.raises(ProtocolError, match="numbers up to 65535"):
+                objects.read(desk.objects, "9999999")
+            for text, why in (("0.2 s", "no number"), ("nan", "not fit"), ("1e12", "not fit")):
+                with pytest.raises(ProtocolError, match=why):
+                    objects.write(desk.objects, "watchdog", text)
             assert desk.jog(0.005, 0.03) == pytest.approx(0.005, abs=5e-4)
             with pytest.raises(DriveError, match="no homing over the bus"):
                 desk.home(lambda: None, 1.0)
+
+
+def test_a_drive_that_says_nothing_is_told_once_and_not_for_each_object(tmp_path: Path) -> None:
+    with served(tmp_path, "axis") as (rig, _, _):
+        other = rig_file("axis_canopen", can={"url": rig.can.url})
+        with (
+            Desk(other, load_profiles(other), "axis") as desk,
+            pytest.raises(NoAnswer, match=r"is it powered, .* of this family\?"),
+        ):
+            list(objects.info(desk.objects))
 
 
 def test_beside_a_daemon_nothing_is_said(tmp_path: Path) -> None:

@@ -104,12 +104,14 @@ def read(
     _show(label, value, json)
 
 
-@app.command()
+@app.command(context_settings={"ignore_unknown_options": True})  # or -5 would be one
 def write(
     rig: RigArgument,
     actuator: ActuatorArgument,
     name: NameArgument,
-    value: Annotated[str, typer.Argument(help="Decimal, 0x... or text.", show_default=False)],
+    value: Annotated[
+        str, typer.Argument(metavar="VALUE", help="Decimal, 0x... or text.", show_default=False)
+    ],
     can: CanOption = None,
     endpoint: DaemonOption = ENDPOINT,
     json: JsonFlag = False,
@@ -125,14 +127,18 @@ def write(
 
 @app.command()
 def home(
-    rig: RigArgument, actuator: ActuatorArgument, can: CanOption = None, free: FreeOption = False
+    rig: RigArgument,
+    actuator: ActuatorArgument,
+    can: CanOption = None,
+    free: FreeOption = False,
+    json: JsonFlag = False,
 ) -> None:
     """Let a CiA 402 drive search its zero by the method of its drive file. It MOVES: nobody on the rig."""
     with _desk(rig, actuator, can, free=free) as desk:
         timeout_s = getattr(getattr(desk.profile, "homing", None), "timeout", 60.0)
         with err.status(f"{actuator} searches its zero"):
             position = desk.home(lambda: _set_up(desk), timeout_s)
-    out.print(f"{actuator} is homed, at {position:.6f}")
+    _stands(actuator, "is homed, at", position, json)
 
 
 @app.command(context_settings={"ignore_unknown_options": True})
@@ -140,16 +146,20 @@ def jog(
     rig: RigArgument,
     actuator: ActuatorArgument,
     distance: Annotated[
-        float, typer.Argument(help="How far, m or rad; negative: back.", show_default=False)
+        float,
+        typer.Argument(
+            metavar="DISTANCE", help="How far, m or rad; negative: back.", show_default=False
+        ),
     ],
     speed: Annotated[float, typer.Option(help="Fastest, m/s or rad/s.")] = 0.01,
     can: CanOption = None,
     free: FreeOption = False,
+    json: JsonFlag = False,
 ) -> None:
     """Move one drive a little, slowly, inside its stroke. It MOVES: nobody on the rig."""
     with _desk(rig, actuator, can, free=free) as desk, err.status(f"{actuator} moves"):
         position = desk.jog(distance, speed)
-    out.print(f"{actuator} stands at {position:.6f}")
+    _stands(actuator, "stands at", position, json)
 
 
 @contextmanager
@@ -193,6 +203,13 @@ def _no_daemon() -> Iterator[None]:
 
 def _set_up(desk: Desk) -> None:
     objects.set_up_homing(desk)
+
+
+def _stands(actuator: str, how: str, position: float, json: bool) -> None:
+    if json:
+        write_json({"actuator": actuator, "position": position})
+    else:
+        out.print(f"{actuator} {how} {position:.6f}")
 
 
 def _show(label: str, value: objects.Value, json: bool) -> None:

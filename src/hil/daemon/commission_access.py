@@ -21,6 +21,11 @@ from hil.frames import Frame
 
 ANSWER_S: Final = 0.3
 TRIES: Final = 3
+ABSENT: Final = "is it powered, on this bus, at this bit rate and address, and of this family?"
+
+
+class NoAnswer(DriveError):
+    """The drive says nothing at all."""
 
 
 class Access(Protocol):
@@ -78,7 +83,7 @@ class OverBus:
             if transfer.is_done:
                 break
         if not transfer.is_done:
-            raise DriveError(f"{who} does not answer: {transfer}")
+            raise NoAnswer(f"{who} does not answer: {transfer}; {ABSENT}")
         if transfer.error is not None:
             raise DriveError(f"{who}: {transfer.error}")
         return transfer.result
@@ -107,7 +112,7 @@ class OverBus:
                             f"{self._name}: parameter {request.number}: {answer.status}"
                         )
                     return answer.value
-        raise DriveError(f"{self._name} does not answer: parameter {request.number}")
+        raise NoAnswer(f"{self._name} does not answer: parameter {request.number}; {ABSENT}")
 
 
 class ThroughDaemon:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
 from hil.daemon.commission import Desk
-from hil.daemon.commission_access import Access
+from hil.daemon.commission_access import Access, NoAnswer
 from hil.drives.cia402.mapping import MODE_CODES, supports
 from hil.drives.cia402.meaning import number_of, writable_objects
 from hil.drives.cia402.profile import Cia402Profile
@@ -36,6 +37,9 @@ SHOWN: Final = (
 )
 """What `info` reads of a CiA 402 drive, where its EDS has it."""
 
+LARGEST_NUMBER: Final = 0xFFFF
+"""Of a CANLust parameter: two bytes in a request."""
+
 Value = int | float | str | bytes
 
 
@@ -64,16 +68,15 @@ def write(drive: Access, name: str, text: str) -> tuple[str, Value]:
         raise DriveError(
             f"{label} is not among the parameters that hil writes: use its maker's program"
         )
-    try:
-        raw = lust.to_wire(kind, float(text) / scale)
-    except ValueError:
-        raise ProtocolError(f"{label}: {text!r} is no number") from None
-    drive.exchange(lust.Request(number, lust.Mode.WRITE, raw))
+    drive.exchange(lust.Request(number, lust.Mode.WRITE, _raw(label, kind, scale, text)))
     return read(drive, name)
 
 
 def info(drive: Access) -> Iterator[tuple[str, str]]:
-    """What a person wants to know first, name and text; what cannot be read says so."""
+    """What a person wants to know first, name and text; what cannot be read says so.
+
+    NoAnswer where nobody answers at all.
+    """
     profile = drive.profile
     if isinstance(profile, LustProfile):
         for _, label, _, _ in _parameters(profile):
@@ -88,6 +91,8 @@ def info(drive: Access) -> Iterator[tuple[str, str]]:
         entry = profile.objects[index, 0]
         try:
             _, value = read(drive, f"{index:#x}")
+        except NoAnswer:
+            raise
         except DriveError as error:
             yield entry.name, str(error)
             continue
@@ -115,6 +120,8 @@ def set_up_homing(desk: Desk) -> float:
 def _told(drive: Access, name: str, *, hexadecimal: bool = False) -> str:
     try:
         value = read(drive, name)[1]
+    except NoAnswer:
+        raise
     except DriveError as error:
         return str(error)
     if isinstance(value, float):
@@ -135,6 +142,19 @@ def _meaning(index: int, value: Value) -> str:
     return f"{value:#x}" if index in (0x1001, 0x603F) else str(value)
 
 
+def _raw(label: str, kind: WireType, scale: float, text: str) -> int:
+    """What a person wrote, as it travels; ProtocolError where it would be cut off at the end of the range."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise ProtocolError(f"{label}: {text!r} is no number") from None
+    if math.isfinite(value):
+        raw = lust.to_wire(kind, value / scale)
+        if abs(lust.from_wire(kind, raw) * scale - value) <= max(abs(scale), 1e-6 * abs(value)):
+            return raw
+    raise ProtocolError(f"{label}: {text} does not fit {kind}")
+
+
 def _parameters(profile: LustProfile) -> list[tuple[int, str, WireType, float]]:
     names = parameter_names(profile.parameters)
     return [(n, label, kind, scale) for n, (label, kind, scale) in sorted(names.items())]
@@ -144,7 +164,9 @@ def _parameter(profile: LustProfile, name: str) -> tuple[int, str, WireType, flo
     for number, label, kind, scale in _parameters(profile):
         if name in (label, str(number)):
             return number, label, kind, scale
-    if name.isdigit():
+    if name.isdecimal() and int(name) <= LARGEST_NUMBER:
         return int(name), f"parameter {name}", "int32", 1.0
     known = ", ".join(label for _, label, _, _ in _parameters(profile))
-    raise ProtocolError(f"{profile.name} has no parameter {name!r}; there are {known}, and numbers")
+    raise ProtocolError(
+        f"{profile.name} has no parameter {name!r}; there are {known}, and numbers up to {LARGEST_NUMBER}"
+    )

@@ -95,8 +95,8 @@ class Enquiries:
             return
         if enquiry.number in driver.held:
             raise ProtocolError(
-                f"{driver.name}: {enquiry.number:#x} is what hil itself writes and has verified: change the "
-                "rig file or the drive file"
+                f"{driver.name}: that is what hil itself writes and has verified: change the rig file or the "
+                "drive file"
             )
         if self._gate.armed and enquiry.number not in self._gate.permits:
             raise ProtocolError("nothing is written while the rig is armed: disarm it first")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from typing import Final
 
 from hil.drives.cia402.sdo import to_bytes
@@ -69,8 +70,9 @@ class ObjectEntry:
             return value.encode()
         if self.data_type in INTEGERS:
             size, signed = INTEGERS[self.data_type]
-            low = value if self.low is None else self.low
-            high = value if self.high is None else self.high
+            bits = 8 * size - signed
+            low = (-(1 << bits) if signed else 0) if self.low is None else self.low
+            high = (1 << bits) - 1 if self.high is None else self.high
             if value != int(value) or not low <= value <= high:
                 raise ProtocolError(f"{self}: {value} is no whole number within {low}..{high}")
             return to_bytes(int(value), size, signed=signed)
@@ -99,8 +101,9 @@ class ObjectEntry:
                 return self.encode(int(text, 0))
             if self.data_type == REAL32:
                 return self.encode(float(text))
-        except ValueError:
-            raise ProtocolError(f"{self}: {text!r} is no number") from None
+        except (ValueError, OverflowError):
+            kind = "number" if self.data_type == REAL32 else "whole number"
+            raise ProtocolError(f"{self}: {text!r} is no {kind}") from None
         return self.encode(text)
 
     def __str__(self) -> str:
@@ -141,7 +144,9 @@ class ObjectDictionary:
             key = self._names.get(_plain(name), (-1, 0))
         if key in self.entries:
             return self.entries[key]
-        near = [e.name for e in self if _plain(name) in _plain(e.name)][:4]
+        plain = _plain(name)
+        alike = [*(n for n in self._names if plain in n), *get_close_matches(plain, self._names)]
+        near = [self.entries[self._names[n]].name for n in dict.fromkeys(alike)][:4]
         hint = f"; near: {', '.join(near)}" if near else ""
         raise ProtocolError(f"{self.source or 'the EDS'} has no object {name!r}{hint}")
 
