@@ -48,10 +48,16 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="short runs, no figures to quote")
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     parser.add_argument("--plots", type=Path, metavar="FOLDER", help="write plots there (tracking)")
+    parser.add_argument(
+        "--save", type=Path, metavar="FILE", help="keep rows there, and go on from there (cia402)"
+    )
+    parser.add_argument(
+        "--parts", nargs="+", default=(), metavar="PART", help="only these rows (cia402): real-1000"
+    )
     given = parser.parse_args()
     if unknown := set(given.names) - set(NAMES):
         parser.error(f"no figure {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
-    options = Options(given.quick, given.plots)
+    options = Options(given.quick, given.plots, given.save, tuple(given.parts))
     results = {}
     for name in given.names or NAMES:
         before, started_s = machine(), time.monotonic()

@@ -1,5 +1,8 @@
 """CiA 402: six axes in real time, what a cycle of theirs costs, and 1 kHz beside the 10 ms parameter channel.
 
+Half an hour in one piece. In parts: `python -m benchmarks cia402 --save rows.json --parts real-1000`, then
+others with the same file; the tables show all rows that it holds.
+
 Chirps on the one-axis bench through the whole daemon in simulated time, as `benchmarks.tracking` has
 them. The cost is the thread's own processor time, so other load on the machine does not count; beside it
 the same cycle's frames made and taken by the `canopen` package, which controls nothing.
@@ -11,12 +14,14 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import canopen
 from canopen.profiles.p402 import BaseNode402
 
-from benchmarks.cia402_realtime import table
+from benchmarks import cia402_realtime
 from benchmarks.figure import Cell, Options, Table
+from benchmarks.parts import Part, measured
 from benchmarks.rigs import profiles, variant
 from benchmarks.tracking import Chirp, bandwidths, chirp_figures, response, ride
 from hil.config import RigFile
@@ -41,6 +46,7 @@ class Way:
     """A rig file in a control mode, as `tracking.ride` takes it."""
 
     name: str
+    short: str
     file: str
     mode: str
 
@@ -54,28 +60,35 @@ class Way:
 
 
 WAYS = (
-    Way("10 ms channel, drive's cascade", "axis", "drive"),
-    Way("10 ms channel, computed torque", "axis", "computed_torque"),
-    Way("1 kHz, drive's cascade (csp)", "axis_canopen", "drive"),
-    Way("1 kHz, computed torque (cst)", "axis_canopen", "computed_torque"),
+    Way("10 ms channel, drive's cascade", "channel-drive", "axis", "drive"),
+    Way("10 ms channel, computed torque", "channel-torque", "axis", "computed_torque"),
+    Way("1 kHz, drive's cascade (csp)", "fast-drive", "axis_canopen", "drive"),
+    Way("1 kHz, computed torque (cst)", "fast-torque", "axis_canopen", "computed_torque"),
 )
 
 
-def chirps(options: Options) -> Table:
+def followed(way: Way, narrow: Chirp, wide: Chirp) -> tuple[Cell, ...]:
+    """Error and bandwidth of one way."""
+    errors = chirp_figures(ride(way, narrow, narrow.duration_s))
+    found = response(ride(way, wide, wide.duration_s), wide)
+    return (*errors, *bandwidths(*found))
+
+
+def chirps(options: Options) -> list[Part]:
     """Error and bandwidth of each way."""
     narrow = Chirp(0.1, 5.0, 6.0 if options.quick else 20.0)
     wide = Chirp(1.0, 40.0, 5.0 if options.quick else 15.0)
-    rows: dict[str, tuple[Cell, ...]] = {}
-    for way in WAYS:
-        followed = chirp_figures(ride(way, narrow, narrow.duration_s))
-        found = response(ride(way, wide, wide.duration_s), wide)
-        rows[way.name] = (*followed, *bandwidths(*found))
-    return Table(
-        "chirp 0.1-5 Hz, 3 mm of the axis; bandwidth from a chirp 1-40 Hz",
+    blank = Table(
+        f"chirp 0.1-5 Hz in {narrow.duration_s:g} s, 3 mm of the axis; bandwidth from 1-40 Hz in "
+        f"{wide.duration_s:g} s",
         ("RMS error, mm", "max error, mm", "-3 dB, Hz", "-90°, Hz"),
-        rows,
+        {},
         "simulated time: bus arithmetic, delays, jitter, noise and quantisation of the rig files included",
     )
+    return [
+        Part(f"chirp-{way.short}", blank, way.name, partial(followed, way, narrow, wide))
+        for way in WAYS
+    ]
 
 
 def our_cost(mode: str, seconds: float) -> tuple[Cell, ...]:
@@ -170,23 +183,26 @@ def their_cost(cycles: int) -> tuple[Cell, ...]:
     return (*spent, math.nan, sum(spent), sum(spent) / 10.0)
 
 
-def costs(options: Options) -> Table:
+def costs(options: Options) -> list[Part]:
     """Microseconds of processor time a cycle, and the share of one processor that is at 1 kHz."""
     seconds = 0.5 if options.quick else 5.0
-    rows = {
-        f"hil, {mode}": our_cost(mode, seconds) for mode in ("drive", "cascade", "computed_torque")
-    }
-    rows["canopen: the frames alone"] = their_cost(round(1000 * seconds))
-    return Table(
-        "six axes at 1 kHz on two buses, processor time of the master, µs a cycle",
+    blank = Table(
+        f"six axes at 1 kHz on two buses, processor time of the master over {seconds:g} s, µs a cycle",
         ("due", "answers", "records", "sum", "share of a processor, %"),
-        rows,
+        {},
         "without the system calls that send and receive; in between the simulated rig has the caches, so "
         "that the daemon by itself takes less: the table in real time says how much",
     )
+    ours = [
+        Part(f"cost-{mode}", blank, f"hil, {mode}", partial(our_cost, mode, seconds))
+        for mode in ("drive", "cascade", "computed_torque")
+    ]
+    theirs = partial(their_cost, round(1000 * seconds))
+    return [*ours, Part("cost-canopen", blank, "canopen: the frames alone", theirs)]
 
 
 def measure(options: Options = Options()) -> list[Table]:  # noqa: B008 - a frozen value
     """Real time, costs, chirps."""
-    ours_s, theirs_s = (8.0, 5.0) if options.quick else REAL_TIME_S
-    return [table((0.001, 0.002), ours_s, theirs_s), costs(options), chirps(options)]
+    real_s = (8.0, 5.0) if options.quick else REAL_TIME_S
+    real = cia402_realtime.parts((0.001, 0.002), *real_s)
+    return measured([*real, *costs(options), *chirps(options)], options)

@@ -16,6 +16,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -24,6 +25,7 @@ import numpy as np
 
 from benchmarks.cia402_drives import Array, Seen, be_drives
 from benchmarks.figure import Cell, Table
+from benchmarks.parts import Part
 from benchmarks.port_bus import PortBus
 from benchmarks.rigs import variant
 from hil.cli.demo import free_port
@@ -304,20 +306,26 @@ def _lateness_s(sync_s: Array, cycle_s: float, *, skips: bool) -> Array:
     return np.asarray(np.mod(phase - edges[(k + 1) % 200], cycle_s))
 
 
-def table(cycles_s: tuple[float, ...], ours_s: float, theirs_s: float) -> Table:
+def parts(cycles_s: tuple[float, ...], ours_s: float, theirs_s: float) -> list[Part]:
     """Both masters at each cycle."""
-    rows: dict[str, tuple[Cell, ...]] = {}
-    loads = []
-    request_precedence()  # of the client that streams cues: it stands for a computer of its own
-    for cycle_s in cycles_s:
-        rate = f"{1.0 / cycle_s:.0f} Hz"
-        for who, measure, seconds in (("hil", ours, ours_s), ("canopen", theirs, theirs_s)):
-            rows[f"{who}, {rate}, {seconds:g} s"] = measure(cycle_s, seconds)
-            loads.append(f"{os.getloadavg()[0]:.1f}")
-    return Table(
+    blank = Table(
         "six axes in real time, timed at the drives",
         COLUMNS,
-        rows,
-        f"{os.cpu_count()} CPUs; load average after each row: {', '.join(loads)}. canopen's master: the "
-        "frames alone, no shaping, gate, states or recording",
+        {},
+        "canopen's master: the frames alone, no shaping, gate, states or recording",
     )
+    found = []
+    for cycle_s in cycles_s:
+        rate = f"{1.0 / cycle_s:.0f}"
+        for who, measure, seconds in (("hil", ours, ours_s), ("canopen", theirs, theirs_s)):
+            row = f"{who}, {rate} Hz, {seconds:g} s"
+            take = partial(_with_precedence, measure, cycle_s, seconds)
+            found.append(Part(f"real-{rate}-{who}", blank, row, take))
+    return found
+
+
+def _with_precedence(
+    measure: Callable[[float, float], tuple[Cell, ...]], cycle_s: float, seconds: float
+) -> tuple[Cell, ...]:
+    request_precedence()  # of the client that streams cues: it stands for a computer of its own
+    return measure(cycle_s, seconds)

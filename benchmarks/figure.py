@@ -16,6 +16,10 @@ class Options:
     quick: bool = False
     """Enough to see that it works and who is faster; too short for figures to quote."""
     plots: Path | None = None
+    save: Path | None = None
+    """Where rows of a long measurement are kept as they come, and taken from where they are known."""
+    parts: tuple[str, ...] = ()
+    """Of a long measurement, by the beginning of their names; empty: all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +65,7 @@ class Table:
     def as_json(self) -> dict[str, object]:
         """The table as plain values; what is not finite becomes null."""
         rows = {
-            name: dict(zip(self.columns, map(_plain, cells), strict=True))
+            name: dict(zip(self.columns, map(plain, cells), strict=True))
             for name, cells in self.rows.items()
         }
         return {"title": self.title, "rows": rows, "note": self.note}
@@ -75,5 +79,6 @@ def _shown(cell: Cell) -> str:
     return f"{cell:.0f}" if abs(cell) >= 1000.0 else f"{cell:.3g}"
 
 
-def _plain(cell: Cell) -> Cell | None:
+def plain(cell: Cell) -> Cell | None:
+    """The cell as JSON has it: what is not finite is null."""
     return None if isinstance(cell, float) and not math.isfinite(cell) else cell

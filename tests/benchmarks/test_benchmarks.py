@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.figure import Options, Table
+from benchmarks.parts import Part, measured
 
 from benchmarks import loop_lateness, operation, rigs_vs_pinocchio, sim_vs_mujoco, tracking
 from hil.drives.lust_cdd3000.codec import Mode, from_wire
@@ -24,6 +25,31 @@ def test_a_table_prints_and_becomes_json():
     assert json.loads(json.dumps(table.as_json()))["rows"]["b"] == {"µs": None, "who": "y"}
     with pytest.raises(ValueError, match="has 1 of 2"):
         Table("costs", ("µs", "who"), {"a": (1.0,)})
+
+
+def test_a_long_measurement_goes_on_where_it_was_ended(tmp_path: Path):
+    taken = []
+
+    def row(name: str, value: float) -> Part:
+        def take():
+            taken.append(name)
+            return (value,)
+
+        return Part(name, blank, f"row {name}", take)
+
+    blank = Table("figures", ("µs",), {}, "as they are")
+    parts = [row("real-a", 1.0), row("real-b", math.nan), row("cost", 3.0)]
+    kept = tmp_path / "rows.json"
+    (part,) = measured(parts, Options(save=kept, parts=("real-b",)))
+    assert (list(part.rows), taken) == (["row real-b"], ["real-b"])
+    (whole,) = measured(parts, Options(save=kept))
+    assert (list(whole.rows), taken) == (
+        ["row real-a", "row real-b", "row cost"],
+        ["real-b", "real-a", "cost"],
+    )
+    assert math.isnan(whole.rows["row real-b"][0])
+    with pytest.raises(SystemExit, match="no part 'real-c'; there are real-a, real-b, cost"):
+        measured(parts, Options(parts=("real-c",)))
 
 
 def test_pre_control_reaches_the_drives_and_its_absence_too():
