@@ -89,7 +89,7 @@ def regression(
             columns.append(Column(c.name, c.unit, c.value, c.scale))
         if offsets:
             size = 0.01 * max(a.force_max for a in rig.actuators)
-            columns.append(Column(offset_name(name), "N", 0.0, size))
+            columns.append(Column(offset_name(name), "N", _bias(rig, name), size))
     W, y, keep = [], [], []
     for p in prepared:
         rows, left = _rows(rig, p, base, known, rotors=rotors, offsets=offsets)
@@ -106,6 +106,16 @@ def regression(
 def offset_name(actuator: str) -> str:
     """Name of the constant part of an actuator's reported force: the sensor's bias, in the model's names."""
     return f"{actuator}.force.sensor_bias.offset"
+
+
+def _bias(rig: RigFile, actuator: str) -> float:
+    """What the rig file already knows of `offset_name`, N."""
+    known = [
+        e.parameters.get("offset", 0.0)
+        for e in rig.effects
+        if e.effect == "sensor_bias" and e.location == f"{actuator}.force"
+    ]
+    return float(sum(known))
 
 
 def body_columns(rig: RigFile, body: BodySet) -> tuple[list[Column], Array, Array]:
