@@ -1,6 +1,7 @@
 """What is wrong with a recorded ride is found and named: channels, signs, units, ranges, clocks."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from hil.bicycle.analysis import analyse
@@ -172,7 +173,9 @@ def test_axes_of_the_imu_that_are_exchanged(weaving, a, b):
     [
         ("accel_z", "z axis points down"),
         ("accel_x", "axis points the other way"),
+        ("gyro_x", "contradicts lean and steer, which agree"),
         ("gyro_y", "axis points the other way"),
+        ("gyro_z", "contradicts lean and steer, which agree"),
     ],
 )
 def test_an_axis_of_the_imu_with_the_wrong_sign(round_trip, signal, said):
@@ -190,6 +193,30 @@ def test_a_sensor_that_is_stuck(weaving, signal):
 
     text = faults(weaving, spoil)
     assert f"{signal}: never changes while the gyroscope turns" in text
+
+
+def test_an_axis_of_the_imu_that_is_stuck(round_trip):
+    text = faults(round_trip, changed(**{"imu.gyro_y": 0.0}))
+    assert "imu.gyro_y: never changes while the bicycle moves" in text
+
+
+def test_forward_and_sideward_acceleration_exchanged(round_trip):
+    text = faults(round_trip, exchanged("imu.accel_x", "imu.accel_y"))
+    assert "imu.accel_x is found in imu.accel_y" in text
+
+
+def test_an_imu_that_keeps_another_time_altogether(weaving):
+    def spoil(table):
+        imu = [c for c in table.columns if c.startswith("imu.")]
+        theirs = table[["t", *imu]].dropna(how="all", subset=imu)
+        ours = table.drop(columns=imu).dropna(how="all", subset=["lean", "rear_wheel", "steer"])
+        return pd.concat([ours, theirs.assign(t=theirs["t"] + 1000.0)], ignore_index=True)
+
+    assert "lean, wheel and steer from 0.0 to" in faults(weaving, spoil)
+
+
+def test_stamps_in_milliseconds(weaving):
+    assert "are these milliseconds?" in faults(weaving, changed(t=1000.0))
 
 
 def test_an_imu_whose_range_is_too_small_is_told(weaving):

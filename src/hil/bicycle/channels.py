@@ -31,13 +31,14 @@ APART: Final = 0.15
 """By which another channel must follow better than the one that bears the name."""
 MOVES: Final = {"gyro": 0.05, "accel": 0.2}
 """Spread of the model's signal from which its sensor must follow."""
+STUCK: Final = 1e-9
 PINNED: Final = 5
 """Samples in a row at a sensor's extreme: it can say no more."""
 
 
 def check_channels(ride: Ride, told: Smooth) -> list[Finding]:
     """Faults of units, axes and dead sensors; warnings of pinned samples and holes of the IMU."""
-    out = _wheel(ride, told) + _dead(ride)
+    out = _wheel(ride, told) + _dead(ride) + _elsewhere(ride)
     if not out:
         out = _imu(ride, told)
     told_of: set[float] = set()
@@ -68,6 +69,20 @@ def _dead(ride: Ride) -> list[Finding]:
             text = "never changes while the gyroscope turns: stuck, or not connected"
             out.append(Finding("dead", signal, "fault", text))
     return out
+
+
+def _elsewhere(ride: Ride) -> list[Finding]:
+    """An IMU whose stamps lie beside the ride."""
+    first, last = ride.t_s[0], ride.t_s[-1]
+    for t, _ in ride.imu.values():
+        shared = min(float(t[-1]), float(last)) - max(float(t[0]), float(first))
+        if shared < 0.5 * (last - first):
+            text = (
+                f"is stamped from {t[0]:.1f} to {t[-1]:.1f} s, lean, wheel and steer from {first:.1f} to "
+                f"{last:.1f} s: two clocks; bring its stamps to theirs"
+            )
+            return [Finding("clocks", "imu", "fault", text)]
+    return []
 
 
 def _imu(ride: Ride, told: Smooth) -> list[Finding]:
@@ -113,8 +128,15 @@ def _gravity(ride: Ride, seen: dict[str, Array]) -> list[Finding]:
 
 
 def _axes(seen: dict[str, Array], wanted: dict[str, Array]) -> list[Finding]:
-    """Rates in degrees, axes exchanged, axes that point the other way."""
+    """Axes that are stuck, rates in degrees, axes exchanged, axes that point the other way."""
     out = []
+    for s in seen:
+        kind = s.partition(".")[2].partition("_")[0]
+        if np.std(wanted[s]) > 0.4 * MOVES[kind] and np.ptp(seen[s]) < STUCK:
+            text = "never changes while the bicycle moves: stuck, or not connected"
+            out.append(Finding("dead", s, "fault", text))
+    if out:
+        return out
     gyro = [s for s in IMU_SIGNALS[:3] if s in seen]
     moving = [s for s in gyro if np.std(wanted[s]) > MOVES["gyro"]]
     for s in moving:
@@ -127,9 +149,11 @@ def _axes(seen: dict[str, Array], wanted: dict[str, Array]) -> list[Finding]:
             out.append(Finding("unit", s, "fault", text))
     if out:
         return out
-    for s in moving:
+    accel = [s for s in IMU_SIGNALS[3:] if s in seen]
+    pushed = [s for s in accel if s.endswith("_x") and np.std(wanted[s]) > MOVES["accel"]]
+    for s in (*moving, *pushed):  # across and down, what a rider does is small beside a tilt
         own = abs(_together(wanted[s], seen[s]))
-        for other in gyro:
+        for other in gyro if s in gyro else accel:
             cross = abs(_together(wanted[s], seen[other]))
             if cross > AGREES and own < cross - APART:
                 text = f"what the ride asks of {s} is found in {other}: the two are exchanged"

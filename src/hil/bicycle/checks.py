@@ -52,34 +52,55 @@ def check_ride(ride: Ride) -> list[Finding]:
     told = smooth(ride.angles, ride.dt_s, CUTOFF_HZ)
     found = check_channels(ride, told)
     faults = [f for f in found if f.verdict == "fault"]
-    plain = [f for f in faults if f.check in ("unit", "dead")]
-    # exchanged angles make every axis of the IMU look wrong: they come first
-    wrong = plain or _check_signs(ride, told) or faults
-    return wrong or [*_clocks(ride, told), *found]
-
-
-def _check_signs(ride: Ride, told: Smooth) -> list[Finding]:
-    """Faults alone."""
+    plain = [f for f in faults if f.check in ("unit", "dead", "clocks")]
     signs = _signs(ride, told)
-    out: list[Finding] = []
-    # steer and lean go against each other, so that swapped ones still fit somewhat: the better fit counts
+    # Angles that contradict each other make every axis of the IMU look wrong: they come first. Those that
+    # agree are right, or both wrong, and then it is the IMU's axes.
+    if signs.lean_with_turn > SURE:
+        named = _exchanged(signs) or [*faults, *_check_gyro(signs)]
+    else:
+        named = _exchanged(signs) or _check_signs(signs) or faults
+    return plain or named or [*_clocks(ride, told), *found]
+
+
+def _exchanged(signs: Signs) -> list[Finding]:
+    """Lean and steer under each other's name. They go against each other, so that exchanged ones still fit
+    somewhat: the better fit counts."""
     named = min(abs(signs.yaw_with_gyro), abs(signs.roll_with_gyro))
     agree = min(signs.yaw_with_gyro, signs.roll_with_gyro) > SURE
-    if signs.swapped > max(0.8, named) and not agree:
-        text = "steer turns and lean steers in this ride: the two channels are swapped"
-        return [Finding("swapped", "lean, steer", "fault", text)]
-    steer_is_wrong = signs.yaw_with_gyro < -AGAINST
-    lean_is_wrong = signs.roll_with_gyro < -AGAINST
-    if steer_is_wrong and lean_is_wrong and signs.lean_with_turn > SURE:
+    if agree or not signs.swapped > max(0.8, named):
+        return []
+    text = "steer turns and lean steers in this ride: the two channels are swapped"
+    return [Finding("swapped", "lean, steer", "fault", text)]
+
+
+def _check_gyro(signs: Signs) -> list[Finding]:
+    """Axes of the gyroscope that contradict lean and steer, which agree with each other."""
+    if max(signs.roll_with_gyro, signs.yaw_with_gyro) < -AGAINST:
         text = (
             "lean and steer agree with each other and both contradict the gyroscope: its x and z axes point "
             "backward and down; set imu.orientation"
         )
         return [Finding("imu_sign", "imu", "fault", text)]
-    if steer_is_wrong:
+    out = []
+    rates = (("imu.gyro_x", signs.roll_with_gyro), ("imu.gyro_z", signs.yaw_with_gyro))
+    for signal, together in rates:
+        if together < -AGAINST:
+            text = (
+                f"contradicts lean and steer, which agree with each other (correlation {together:.2f}): its "
+                "axis points the other way (x forward, z up); set imu.orientation"
+            )
+            out.append(Finding("imu_sign", signal, "fault", text))
+    return out
+
+
+def _check_signs(signs: Signs) -> list[Finding]:
+    """Faults of lean and steer alone."""
+    out: list[Finding] = []
+    if signs.yaw_with_gyro < -AGAINST:
         text = "the frame yaws right where it is steered left: steer to the LEFT is positive"
         out.append(Finding("sign", "steer", "fault", text))
-    if lean_is_wrong:
+    if signs.roll_with_gyro < -AGAINST:
         text = "the gyroscope rolls left where the lean grows: lean to the RIGHT is positive"
         out.append(Finding("sign", "lean", "fault", text))
     outward = signs.lean_with_turn < -SURE and np.isnan(signs.yaw_with_gyro)

@@ -68,12 +68,12 @@ class RideEffects:
         start: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> Motion:
         """The ride whose true smooth angles are `told`; KinematicsError as `hil.rigs.bicycle.ride`."""
+        v = self.values
         fork, tyre = "bicycle.front_suspension", "bicycle.tyre_compliance"
-        springs, dampers = (
-            tuple(self.values[f"{at}.{p}"] for at in (fork, tyre, tyre))
-            for p in ("stiffness", "damping")
-        )
-        return ride(self.bicycle(packed), told, start, springs, dampers)  # type: ignore[arg-type]
+        tyres = v[f"{tyre}.stiffness"], v[f"{tyre}.damping"]
+        springs = (v[f"{fork}.stiffness"], tyres[0], tyres[0])
+        dampers = (v[f"{fork}.damping"], tyres[1], tyres[1])
+        return ride(self.bicycle(packed), told, start, springs, dampers)
 
     @property
     def gives_way(self) -> bool:

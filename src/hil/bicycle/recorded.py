@@ -65,7 +65,7 @@ def prepare(run: Run, rig: BicycleFile) -> Ride:
     if end - start < SHORTEST_S:
         raise RunError(f"{run.path}: lean, wheel and steer overlap for {end - start:.2f} s only")
     for s in SIGNALS:
-        findings += _rate_and_gaps(s, series[s][0], rig)
+        findings += _rate_and_gaps(s, series[s][0], rig, str(run.path))
     grid = start + dt * np.arange(int((end - start) / dt) + 1)
     zero = (rig.sensors.lean_zero, 0.0, rig.sensors.steer_zero)
     columns = [
@@ -114,11 +114,15 @@ def _rolled(series: Series, rig: BicycleFile, findings: list[Finding], source: s
                 f"{source}: column rear_wheel: jumps by {sizes[0]:.4g} rad at {t[row + 1]:.3f} s and by "
                 "other amounts elsewhere: no counter runs over like that; lost counts or a loose encoder?"
             )
+        rest = np.setdiff1d(np.arange(len(steps)), jumps)
+        way = np.sign(sizes)
+        beside = np.interp(jumps, rest, steps[rest])
+        size = _counter_range(float(np.median(way * (sizes - beside))), rig)
         corrected = steps.copy()
-        corrected[jumps] = np.median(np.delete(steps, jumps))
+        corrected[jumps] -= way * size
         angle = np.concatenate([[angle[0]], angle[0] + np.cumsum(corrected)])
         text = (
-            f"the counter ran over {jumps.size} times (by {np.mean(np.abs(sizes)):.5g} rad, first at "
+            f"the counter ran over {jumps.size} times (by {size:.5g} rad, first at "
             f"{t[jumps[0] + 1]:.2f} s); its turns were put together again"
         )
         findings.append(Finding("rollover", "rear_wheel", "warning", text))
@@ -130,10 +134,28 @@ def _rolled(series: Series, rig: BicycleFile, findings: list[Finding], source: s
     return t, angle
 
 
-def _rate_and_gaps(signal: str, t: Array, rig: BicycleFile) -> list[Finding]:
+def _counter_range(seen: float, rig: BicycleFile) -> float:
+    """Radians at which a counter runs over that was seen to lose `seen`: turns or powers of two steps where
+    one is that near, else whole steps."""
+    step = 2.0 * np.pi / rig.sensors.steps_per_turn
+    usual = (
+        2.0 * np.pi * max(round(seen / (2.0 * np.pi)), 1),
+        step * 2.0 ** round(np.log2(seen / step)),
+    )
+    near = min(usual, key=lambda x: abs(x - seen))
+    return near if abs(near - seen) < 8.0 * step else step * round(seen / step)
+
+
+def _rate_and_gaps(signal: str, t: Array, rig: BicycleFile, source: str) -> list[Finding]:
     steps = np.diff(t)
     out = []
     rate = 1.0 / float(np.median(steps))
+    for per_s, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
+        if abs(rate * per_s / rig.rate - 1.0) < 0.2:
+            raise RunError(
+                f"{source}: column t: {signal} comes every {1.0 / rate:.4g} s where the rig file says "
+                f"{rig.rate:g} Hz: are these {unit}?"
+            )
     if abs(rate / rig.rate - 1.0) > 0.2:
         text = f"is sampled at {rate:.1f} Hz, the rig file says {rig.rate:g}: it was interpolated"
         out.append(Finding("rate", signal, "warning", text))
