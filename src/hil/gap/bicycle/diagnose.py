@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -11,17 +11,26 @@ import numpy as np
 from hil.config import BicycleFile
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
-from hil.gap.bicycle.noise import with_tolerances
+from hil.gap.bicycle.noise import tempered, with_tolerances
 from hil.gap.diagnose import as_found, explain
-from hil.gap.diagnosis import Diagnosis
+from hil.gap.diagnosis import Cause, Diagnosis
+from hil.gap.fit import Fit
 from hil.gap.frames import EFFECT as LOST
+from hil.gap.heldout import Score, score, split, touched
+from hil.gap.noise import NoiseModel
 from hil.gap.nuisances import Nuisance
+from hil.gap.problem import Mask
 from hil.gap.verdict import judge
 from hil.runs import Run
 
 EXPLAINED: Final = 0.72
 """Share of a gap's energy that a verdict must explain, half of the time [set on training cases]."""
 SOFT: Final = 0.06
+LARGE: Final = 3.0
+"""Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
+UNSAID: Final = 1.3
+"""Floors, tolerances among them, from which on a signal is off although no candidate explains it: how well a
+record tells its own noise, twice over [set on training cases]."""
 
 
 def diagnose_rides(
@@ -39,15 +48,72 @@ def diagnose_rides(
     nuisances: list[Nuisance] | None = None
     if healthy:
         say("calibrating on the healthy references")
-        found = locate_rides(healthy, rig, seed=seed)
-        nuisances = as_found(found, ride_nuisances(rig, found.evidence.problem))
+        known = locate_rides(healthy, rig, seed=seed)
+        nuisances = as_found(known, ride_nuisances(rig, known.evidence.problem))
     say("locating the gap")
     located = locate_rides(runs, rig, nuisances=nuisances, seed=seed)
     e = located.evidence
     chosen = nuisances or list(ride_nuisances(rig, e.problem))
-    noise = with_tolerances(e, np.array([n.sd for n in chosen]), np.random.default_rng(seed + 1))
-    counted = replace(located, evidence=replace(e, noise=noise))
-    return _by_energy(explain(counted, chosen, without=(*without, LOST), seed=seed, report=say))
+    sd = np.array([n.sd for n in chosen])
+
+    def explained_with(noise: NoiseModel) -> tuple[Diagnosis, NoiseModel]:
+        counted = with_tolerances(replace(e, noise=noise), sd, np.random.default_rng(seed + 1))
+        # A candidate's own pattern tells it from noise long before the whole residual does: all are weighed.
+        asked = replace(located, is_gap=True, evidence=replace(e, noise=counted))
+        found = _by_energy(explain(asked, chosen, without=(*without, LOST), seed=seed, report=say))
+        return found if found.verdict != "no_gap" else _unsaid(found, counted), counted
+
+    found, counted = explained_with(e.noise)
+    if found.effects and max(s.ratio for s in located.signals) > LARGE:
+        assert found.best is not None
+        say("once more, by what the best candidate leaves")
+        left = e.problem.residual(found.best.vector)
+        found, counted = explained_with(tempered(e.noise, e.problem, left, 1.0))
+    held = ~split(e.problem, counted, e.residual).train(e.problem)
+    return _on_floor(replace(found, located=located), held, seed)
+
+
+def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
+    """`found` with its shrinks, on `held` (N,) samples, from the measurement's own floor, as the gap is."""
+    e, best, none, c = found.located.evidence, found.best, found.none, found.calibrated
+    if best is None or none is None or c is None or found.score is None:
+        return found
+    before = e.problem.residual(none.vector)
+
+    def again(f: Fit, signals: Sequence[str]) -> Score:
+        after = e.problem.residual(f.vector)
+        rng = np.random.default_rng(seed + 2)
+        return score(e.problem, e.noise, before, after, held, signals, rng)
+
+    def shown(cause: Cause) -> Cause:
+        signals = touched(c, none, cause.fit) or e.problem.signals
+        return replace(cause, shrink=again(cause.fit, signals).shrink)
+
+    causes = tuple(x if x.shrink is None else shown(x) for x in found.causes)
+    by_name = {(x.effect, x.location): x for x in causes}
+    return replace(
+        found,
+        causes=causes,
+        effects=tuple(by_name[x.effect, x.location] for x in found.effects),
+        score=again(best, found.score.signals),
+        score_all=again(best, e.problem.signals),
+    )
+
+
+def _unsaid(found: Diagnosis, noise: NoiseModel) -> Diagnosis:
+    """`found`, no gap for want of a candidate; unknown where a signal stands above what noise and tolerances
+    make of it."""
+    problem = found.located.evidence.problem
+    floors = noise.floor(problem)
+    over = {s.signal: s.before / max(floors[s.signal], 1e-300) for s in found.located.signals}
+    worst = max(over, key=lambda s: over[s])
+    if over[worst] < UNSAID:
+        return found
+    sentence = (
+        f"A gap that nothing in the catalogue explains: {worst} stands {over[worst]:.1f} times above what "
+        "noise and a healthy bicycle's tolerances make of it, and no candidate has its pattern."
+    )
+    return replace(found, verdict="unknown", sentence=sentence, unknown=1.0)
 
 
 def _by_energy(found: Diagnosis) -> Diagnosis:

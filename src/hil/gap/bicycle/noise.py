@@ -20,6 +20,7 @@ from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.twin import LEAN_TORQUE, RideTwin
 from hil.gap.noise import SPIKE, NoiseModel, autoregression, projected
+from hil.gap.problem import Problem
 from hil.gap.result import Evidence
 from hil.rigs.bicycle import Packed, low_pass
 
@@ -86,15 +87,9 @@ def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) ->
                     off = off + twin.filtered(on_grid)[twin.judged]
                 parts.append(off)
         drawn[d] = np.concatenate(parts)
-    sigma = np.empty(problem.size)
+    sigma = _level(drawn, problem)
     terms, gains = [], []
     for x in problem.series:
-        t = problem.t_s[x.part]
-        typical = np.sqrt(np.mean(drawn[:, x.part] ** 2, axis=0))
-        width = max(round(WINDOW_S / float(np.median(np.diff(t)))), 1)
-        window = np.ones(2 * width + 1)
-        level = np.convolve(typical, window, "same") / np.convolve(np.ones(len(t)), window, "same")
-        sigma[x.part] = np.maximum(level, 0.2 * float(level.mean()))
         rows = (drawn[:, x.part] / sigma[x.part])[:, problem.kept[x.part]]
         ar, gain = autoregression(np.clip(rows, -4.0, 4.0))
         terms.append(ar)
@@ -108,14 +103,29 @@ def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) ->
     return NoiseModel("model", text, tame, sigma, tuple(terms), tuple(gains))
 
 
-def tempered(model: NoiseModel, problem: RideProblem, residual: Array) -> NoiseModel:
-    """The same floor, with less weight where `residual` (N,) stands many floors above it.
+def _level(drawn: Array, problem: Problem) -> Array:
+    """(N,) typical size of draws (D, N) about each sample."""
+    sigma = np.empty(problem.size)
+    for x in problem.series:
+        t = problem.t_s[x.part]
+        typical = np.sqrt(np.mean(drawn[:, x.part] ** 2, axis=0))
+        width = max(round(WINDOW_S / float(np.median(np.diff(t)))), 1)
+        window = np.ones(2 * width + 1)
+        level = np.convolve(typical, window, "same") / np.convolve(np.ones(len(t)), window, "same")
+        sigma[x.part] = np.maximum(level, 0.2 * float(level.mean()))
+    return sigma
+
+
+def tempered(
+    model: NoiseModel, problem: Problem, residual: Array, share: float = SHARE
+) -> NoiseModel:
+    """The draws' floor, with less weight where `share` of `residual` (N,) stands above it.
 
     A gap of a ride gathers where it is braked or pulls away, tens of floors high for a second. Counted in
     floors it would be taken for outliers, and a model that explains nine tenths of it would be worth nothing
     for the rest: there a sample counts in shares of the gap.
     """
-    sigma = model.sigma.copy()
+    sigma = _level(model.draws, problem)
     for x in problem.series:
         t = problem.t_s[x.part]
         width = max(round(ENVELOPE_S / float(np.median(np.diff(t)))), 1)
@@ -123,7 +133,7 @@ def tempered(model: NoiseModel, problem: RideProblem, residual: Array) -> NoiseM
         power = np.convolve(residual[x.part] ** 2, window, "same") / np.convolve(
             np.ones(len(t)), window, "same"
         )
-        sigma[x.part] = np.sqrt(sigma[x.part] ** 2 + SHARE**2 * power)
+        sigma[x.part] = np.sqrt(sigma[x.part] ** 2 + share**2 * power)
     return replace(model, sigma=sigma)
 
 
