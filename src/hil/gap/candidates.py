@@ -24,8 +24,9 @@ Report = Callable[[str], None]
 
 SINGLES: Final = 5
 """Candidates that are fitted alone."""
+FIRST: Final = 3
 WORTH: Final = 0.25
-"""Of the best linear gain, below which no candidate is fitted."""
+"""Of the best linear gain, below which none but the FIRST candidates are fitted: a gain may be illusory."""
 CHANCE: Final = 3.0
 """Of the linear gain, no candidate is worth a fit below."""
 PAIRS: Final = 3
@@ -90,8 +91,11 @@ def _single_fits(
 
 def _worth_a_fit(proposals: Sequence[Proposal], leaves: Sequence[Leaf]) -> list[Proposal]:
     """The best proposals; where a law of friction is among them, the plain laws at its place as well."""
-    least = max(WORTH * proposals[0].gain, CHANCE)
-    out = [p for p in proposals[:SINGLES] if p.gain >= least]
+    least = max(WORTH * proposals[0].gain, CHANCE) if proposals else CHANCE
+    out = [
+        p for k, p in enumerate(proposals[:SINGLES])
+        if p.gain >= (CHANCE if k < FIRST else least)
+    ]  # fmt: skip
     rubs = {x.location for x in (leaves[p.leaves[0]] for p in out) if x.effect in FRICTION}
     plain = [
         p for p in proposals[SINGLES:]

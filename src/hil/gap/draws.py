@@ -36,8 +36,11 @@ def longest_wait_s(rig: RigFile) -> float:
     return min(WAIT_FRAMES * FRAME_BITS / rig.can.bitrate, rig.bus.setpoint_delay)
 
 
-def draws(problem: Problem, vector: Array, rng: np.random.Generator, count: int) -> Array:
-    """(count, N) residuals of records that the twin itself made, against `problem`'s own prediction.
+def draws(
+    problem: Problem, vector: Array, rng: np.random.Generator, count: int
+) -> tuple[Array, Array]:
+    """Residuals of records that the twin itself made, against `problem`'s own prediction: what timing makes
+    of them, (count, N), and what the sensors add, (count, N).
 
     Frames wait for the bus; drives whose ticks are not known have them anywhere.
     """
@@ -58,9 +61,10 @@ def draws(problem: Problem, vector: Array, rng: np.random.Generator, count: int)
     flat = run_all(tasks)
     per = len(problem.sent)
     out = np.array([np.concatenate(flat[d * per : (d + 1) * per]) for d in range(count)])
+    sensed = np.empty_like(out)
     for x in problem.series:
-        out[:, x.part] = _sensed(out[:, x.part], rig, x, rng)
-    return np.asarray(out - base)
+        sensed[:, x.part] = _sensed(out[:, x.part], rig, x, rng)
+    return np.asarray(out - base), np.asarray(sensed - out)
 
 
 def _anywhere(rig: RigFile, rng: np.random.Generator) -> Ticks | None:

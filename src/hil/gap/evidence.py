@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 
 TEMPER: Final = 2.0
 """What evidence is divided by on top, for what no correlation shows [set on training cases]."""
+RELATIVE: Final = 0.003
+"""Of all that the best candidate explains: two that differ by less are no further apart than two laws of one
+effect, and no number of samples changes that [set on training cases of two worlds]."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
 UNUSED: Final = 0.015
@@ -62,7 +65,11 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], dict[str, 
     ]
     logs = likely + np.array(shared)
     real = np.array([bool(f.leaves) for f in fits])
-    p = np.exp(np.where(real, logs - logs[real].max(), -np.inf)) if real.any() else np.ones(1)
+    p = np.ones(1)
+    if real.any():
+        most = logs[real].max()
+        unit = max(1.0, RELATIVE * float(most - logs[~real].max()))
+        p = np.exp(np.where(real, (logs - most) / unit, -np.inf))
     p /= p.sum()
     order = np.argsort(-logs)
     return [Weighed(fits[k], float(logs[k]), float(p[k])) for k in order], worth

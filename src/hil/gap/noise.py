@@ -38,6 +38,10 @@ USUAL: Final = 0.8
 """Share of the samples, the quieter ones, that tell a gap from many frames that came at the wrong tick."""
 LEVEL_RANGE: Final = (0.3, 3.0)
 """Times the noise model; more than that in the fastest part of a residual is gap."""
+LOUDER: Final = 1.1
+"""Times all that is left, that its noise may have by the model: weights and chance make that much."""
+COMMON: Final = 0.98
+"""Share of the samples, the smaller ones, that tell how loud a record is; the rest are its spikes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +209,8 @@ def find_noise(
     With the `residual` at `vector` the draws are brought to the level of its fastest part, in which noise
     is and a gap hardly; it is needed where `repeats` are given.
     """
-    drawn = draws(problem, vector, rng, count)
+    late, sensed = draws(problem, vector, rng, count)
+    drawn = late + sensed
     timing = time_sensitivity(problem, vector)
     wait_us = 1e6 * longest_wait_s(problem.rig)
     ticks = (
@@ -216,9 +221,12 @@ def find_noise(
         f"after waits of up to {wait_us:.0f} µs; {count} records drawn from the twin itself"
     )
     if residual is not None:
-        drawn, factors = _by_finest(problem, drawn, residual)
+        drawn, factors = _as_loud(problem, late, sensed, residual)
         low, high = min(factors), max(factors)
-        text += f", each signal's level times {low:.2g} to {high:.2g} by the fastest part of its residual"
+        text += (
+            f", each signal's level times {low:.2g} to {high:.2g} by the fastest part of its residual, "
+            "and no louder than all of that"
+        )
     if not repeats or residual is None:
         return from_draws(problem, drawn, "model", text, timing)
     scaled, by_signal = _by_repeats(problem, drawn, repeats, residual)
@@ -249,22 +257,45 @@ def time_sensitivity(problem: Problem, vector: Array) -> Array:
     return np.asarray(np.hypot(*changes))
 
 
-def _by_finest(problem: Problem, drawn: Array, residual: Array) -> tuple[Array, list[float]]:
-    """Draws scaled series by series to the median size of the residual's second differences.
+def _as_loud(
+    problem: Problem, late: Array, sensed: Array, residual: Array
+) -> tuple[Array, list[float]]:
+    """Draws of timing and sensors brought series by series to the level of a residual.
 
-    They leave out what is slow, the median what is rare: kicks at reversals, lost frames.
+    To the median size of its second differences, which leave out what is slow and what is rare: kicks at
+    reversals, lost frames. And never louder than the whole residual is, for that holds the noise: what the
+    bus may do to timing at most is often more than this bus does.
     """
-    out, factors = np.array(drawn), []
+    out, factors = late + sensed, []
     for x in problem.series:
         kept = problem.kept[x.part]
         if kept.sum() < 50:
             continue
-        fine = np.median(np.abs(np.diff(residual[x.part][kept], 2)))
-        modelled = np.median(np.abs(np.diff(drawn[:, x.part][:, kept], 2, axis=1)))
-        factor = float(np.clip(fine / max(modelled, 1e-300), *LEVEL_RANGE))
-        out[:, x.part] *= factor
+        left = residual[x.part][kept]
+        a, b = late[:, x.part][:, kept], sensed[:, x.part][:, kept]
+        factor, share = _level(left, a, b)
+        out[:, x.part] = factor * (share * late[:, x.part] + sensed[:, x.part])
         factors.append(factor)
     return out, factors or [1.0]
+
+
+def _level(left: Array, late: Array, sensed: Array) -> tuple[float, float]:
+    """What draws (D, M) are multiplied by, and their part of timing, to be no louder than `left` (M,)."""
+    fine = float(np.median(np.abs(np.diff(left, 2))))
+    total, noise, timing = LOUDER**2 * _loud(left), _loud(sensed), _loud(late)
+    factor, share = 1.0, 1.0
+    for _ in range(4):
+        modelled = float(np.median(np.abs(np.diff(share * late + sensed, 2, axis=1))))
+        factor = float(np.clip(fine / max(modelled, 1e-300), *LEVEL_RANGE))
+        room = total / factor**2 - noise
+        share = min(share, float(np.sqrt(max(room, 0.0) / max(timing, 1e-300))))
+    return factor, share
+
+
+def _loud(values: Array) -> float:
+    """Mean square of the smaller COMMON of `values`."""
+    size = np.sort(values.ravel() ** 2)
+    return float(np.mean(size[: max(int(COMMON * len(size)), 1)]))
 
 
 def _by_repeats(

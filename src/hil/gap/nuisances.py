@@ -33,7 +33,8 @@ TILT_RAD: Final = 0.002
 """The base against level: a spirit level [R]."""
 IMU_BIAS: Final = 0.5
 """Of one sample's noise: what is left after the usual zeroing at rest [R]."""
-MISALIGNMENT_RAD: Final = 0.003
+MISALIGNMENT_RAD: Final = 0.002
+"""An IMU against its drawing after a static calibration, a tenth of a degree [R]."""
 
 
 @dataclass(frozen=True, slots=True)

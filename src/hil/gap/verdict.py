@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 
 EXPLAINED: Final = 0.62
 """Share of the gap's energy that a verdict must explain, half of the time [set on training cases]."""
-SOFT: Final = 0.05
+SOFT: Final = 0.1
+"""How gradually: even all of a gap may be explained by what is none of the catalogue."""
 SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
