@@ -79,7 +79,7 @@ def test_a_fault_that_stays_is_not_reset_away() -> None:
     x = enabled()
     x.drives[0].set_fault(3)
     x.run(0.5, ON)
-    x.drives[0].power = type(x.drives[0].power).FAULT_REACTION  # nothing leads out of here
+    x.drives[0].stage.state = type(x.drives[0].power).FAULT_REACTION  # nothing leads out of here
     x.run(2.0, RESET)
     fault(x)
 
