@@ -36,8 +36,9 @@ JUDGED_HZ: Final = 0.8
 CORNER_HZ: Final = 10.0
 """Of the filters inside inclinometers and IMUs: between 5 and 20 Hz [R]."""
 REWEIGHTED: Final = 4
-LOUDEST: Final = (0.7, 3.0)
-"""Bounds of how much louder than its file a sensor is believed to be: beyond, it is a finding."""
+LOUDEST: Final = (0.7, 6.0)
+"""Bounds of how much louder than its file a sensor is believed to be, by a rough road as well: beyond, it is
+a finding."""
 SWAY: Final = 0.6
 """N m of lean torque that a healthy rider's breathing and pedalling make, rms [R]."""
 SWAY_S: Final = 0.4
