@@ -141,6 +141,20 @@ def test_workspace_of_an_axis_is_a_table():
     assert "100 % of the box" in result.output
 
 
+def test_an_experiment_for_another_rig_is_not_played(tmp_path):
+    assert run(app, [*STEP, "--dry-run", str(tmp_path)]).exit_code == 0
+    again = [
+        "experiment",
+        "motorcycle",
+        "play",
+        str(tmp_path / "experiment.toml"),
+        "--dry-run",
+        "x",
+    ]
+    with pytest.raises(ConfigError, match="for the rig 'axis', not for 'motorcycle'"):
+        run(app, again, catch_exceptions=False)
+
+
 def test_an_experiment_is_played_again_with_the_payload_that_it_asks_for(tmp_path):
     asked = tmp_path / "asked"
     assert run(app, [*STEP, "--dry-run", str(asked)]).exit_code == 0

@@ -268,6 +268,8 @@ def test_a_custom_motion_is_scaled_down_and_says_by_how_much():
     assert 0.1 < result.description.scale < 0.6
     assert "pitch" in result.description.scaled_because
     small = design(Custom(file="ride.csv"), rig_file("motorcycle"), motion.scaled(np.array([0.05])))
+    with pytest.raises(LimitViolation, match=r"shrink to 0\.0.* in m and rad"):
+        design(Custom(file="ride.csv"), rig_file("motorcycle"), motion.scaled(np.array([57.3])))
     assert (small.description.scale, small.description.scaled_because) == (1.0, "")
 
 

@@ -16,7 +16,7 @@ from hil.cli.options import ModeOption, SeedOption, profiles_of, rig_with
 from hil.cli.plan_options import options_of, values_of
 from hil.client import RigClient
 from hil.config import Effect, RigFile
-from hil.configfile import parse_settings
+from hil.configfile import load_rig, parse_settings
 from hil.errors import ConfigError
 from hil.identify.experiments import (
     PLANS,
@@ -192,7 +192,9 @@ def show(made: Design) -> None:
                 f"{100.0 * use.share:.0f} %",
             )
     out.print(table)
-    out.print(f"shaping lets it through within {100.0 * made.shaped.relative:.2g} % of its peak")
+    out.print(
+        f"shaping lets it through within {max(100.0 * made.shaped.relative, 1e-3):.2g} % of its peak"
+    )
 
 
 def _on_rig(made: Design, rig: RigFile, endpoint: str, runs: Path) -> Path:
@@ -255,6 +257,11 @@ def _described(
 ) -> dict[str, Any]:
     """The experiment of a file: of `hil gap next`, or what another run was."""
     described = read_experiment(file)
+    rig = load_rig(context.obj)
+    if described.rig != rig.name:
+        raise ConfigError(
+            f"{file}: is an experiment for the rig {described.rig!r}, not for {rig.name!r}"
+        )
     if weighed and described.payload is None:
         raise ConfigError(f"--weighed: {file} asks for no payload")
     plan = described.plan

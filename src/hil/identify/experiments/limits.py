@@ -23,6 +23,8 @@ ROUNDING: Final = 1.0e-5
 """Share of workspace and strokes left, so that rounding does not carry a cue over them."""
 SMALLEST: Final = 1.0e-3
 """A motion that had to shrink further than to this part would measure nothing."""
+SMALLEST_ASKED: Final = 0.05
+"""One whose size was given is then not what was meant: degrees for rad are 57 times too much, mm 1000."""
 POSITIONS: Final = ("workspace", "stroke")
 
 
@@ -78,10 +80,11 @@ def fitted_scale(
         elif not shape.is_relative and worst.share > allowed + 2.0 * ROUNDING:
             reason = str(worst)
         scale *= allowed / worst.share * (1.0 - 1.0e-6)
-        if scale < SMALLEST * (share if shape.is_relative else 1.0):
+        if scale < (SMALLEST * share if shape.is_relative else SMALLEST_ASKED):
             break
     raise LimitViolation(
-        f"{rig.name}: the motion would have to shrink to {scale:.2g} of what was asked for: {reason}"
+        f"{rig.name}: the motion would have to shrink to {scale:.2g} of what was asked for: {reason}. Ask "
+        "for less, or see whether it is in m and rad, and whether a file's motion jumps"
     )
 
 
