@@ -7,7 +7,6 @@ Characterization", figures 5 and 6: computed torque tracks better than the drive
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,7 +97,7 @@ def shaped_step(shaper, size):
     zero = np.zeros(3)
     rest = Reference(0.0, zero, zero, zero)
     # The step is asked for at 4 s of shaping, after the ramp-in: 1 s of the run.
-    return lambda t: replace(table.get(round(t / RIG.bus.cycle) + 300, rest), t_s=t)
+    return lambda t: table.get(round(t / RIG.bus.cycle) + 300, rest)._replace(t_s=t)
 
 
 def test_a_shaped_step_of_a_centimetre_is_tracked_best_by_the_model(capsys):

@@ -18,6 +18,9 @@ from hil.frames import Frame
 SHARE_LIMIT: Final = 0.9
 """Share of the bus that a schedule may take: the rest is for repeats, log-ons and errors [M]."""
 
+FASTEST_BPS: Final = 1_000_000
+"""No classic CAN bus is faster."""
+
 _STUFFED: Final = {False: 34, True: 54}
 _UNSTUFFED: Final = 13
 
@@ -40,10 +43,16 @@ def bits(length: int, *, is_extended: bool = False, stuffed: bool = True) -> int
     return exposed + _UNSTUFFED + ((exposed - 1) // 4 if stuffed else 0)
 
 
+_WORST: Final = tuple(tuple(bits(n, is_extended=ext) for n in range(9)) for ext in (False, True))
+"""By kind of identifier and length: counted with every frame of a running rig."""
+
+
 def frame_bits(frame: Frame, *, stuffed: bool = True) -> int:
     """Bits of `frame`; a remote frame carries no data whatever its length says."""
     length = 0 if frame.is_remote else len(frame.data)
-    return bits(length, is_extended=frame.is_extended, stuffed=stuffed)
+    if stuffed:
+        return _WORST[frame.is_extended][length]
+    return bits(length, is_extended=frame.is_extended, stuffed=False)
 
 
 def frame_s(frame: Frame, bitrate_bps: int, *, stuffed: bool = True) -> float:
@@ -67,9 +76,10 @@ def require_fits(
     worst = share(schedule, bitrate_bps)
     if worst > limit:
         largest = max(schedule, key=lambda item: share([item], bitrate_bps))
+        remedy = "bus.cycle" if bitrate_bps >= FASTEST_BPS else "can.bitrate or bus.cycle"
         raise ConfigError(
             f"the schedule needs {worst:.0%} of a {bitrate_bps / 1000:g} kbit/s bus, at most "
-            f"{limit:.0%} may be used; raise can.bitrate or bus.cycle (its {len(schedule)} frames "
+            f"{limit:.0%} may be used; raise {remedy} (its {len(schedule)} frames "
             f"include {largest.name}, {largest.length} bytes every {largest.period_s * 1e3:g} ms)"
         )
     return worst

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +37,7 @@ START_SPEED: Final = 0.1
 START_ACCELERATION: Final = 2.0
 
 
-@dataclass(frozen=True, slots=True)
-class Observed:
+class Observed(NamedTuple):
     """State of the rig at `t_s`; arrays (n,), SI. `is_known` once every actuator has a position."""
 
     t_s: float

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, slots=True)
-class Reference:
+class Reference(NamedTuple):
     """Pose, velocity, acceleration (n,) wanted at `t_s`, in the rig's coordinates (m or rad, s).
 
     `limited` names the rules that held this cycle's motion back.

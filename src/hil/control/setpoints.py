@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,7 @@ from hil.config import RigFile
 Kind = Literal["position", "force"]
 
 
-@dataclass(frozen=True, slots=True)
-class Setpoints:
+class Setpoints(NamedTuple):
     """One value an actuator (n,): m or rad for "position", N or N·m for "force"."""
 
     values: NDArray[np.float64]

@@ -6,6 +6,7 @@ are placed by those stamps plus the smallest delay seen lately: network jitter n
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -133,6 +134,10 @@ class CueTrack:
         )
         pose, velocity, acceleration = self._out.copy()
         return pose, velocity, acceleration
+
+    def targets(self, times_s: Sequence[float]) -> Vector:
+        """`target` at several instants (times, 3, n)."""
+        return np.array([self.target(t_s) for t_s in times_s])
 
     def _fit_edge(self) -> tuple[Vector, Vector]:
         """Velocity and acceleration at the newest pose: parabola through the last few, by least squares.

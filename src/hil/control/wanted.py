@@ -108,34 +108,42 @@ class Wanted:
         age = min(max(now_s - self._track.newest_s, 0.0), self._stale_s)
         self._guessed_s += (age - self._guessed_s) * self._cycle_s / GUESS_SMOOTH_S
         within_s = self.within_s
-        now = self._at(now_s, now_s)
-        after = self._at(now_s, now_s + self._cycle_s)
         if now_s + within_s > self._track.newest_s:
+            now, after = self._at(now_s, now_s, now_s + self._cycle_s)
             p, v, a = now
             met = np.array([p + within_s * (v + 0.5 * within_s * a), v + within_s * a, a])
             return CueGoal(_states(now), _states(after), _states(met), within_s, None)
-        middle = self._at(now_s, now_s + 0.5 * within_s)
-        met = self._at(now_s, now_s + within_s)
-        ahead_s = (self._cycle_s, 0.5 * within_s, within_s)
-        uses = _uses((0.0, *ahead_s), np.array([now, after, middle, met]))
-        return CueGoal(_states(now), _states(after), _states(met), within_s, uses)
+        ahead_s = (0.0, self._cycle_s, 0.5 * within_s, within_s)
+        motion = self._at(now_s, *(now_s + s for s in ahead_s))
+        now, after, _, met = motion
+        return CueGoal(_states(now), _states(after), _states(met), within_s, _uses(ahead_s, motion))
 
-    def _at(self, now_s: float, t_s: float) -> Vector:
-        """The cue at `t_s` by master gain and ramp, inside the workspace: position and two rates (3, n)."""
-        p, v, a = self._track.target(t_s)
-        g, gd, gdd = self._gain
-        g, gd = g + (t_s - now_s) * gd, gd + (t_s - now_s) * gdd
+    def _at(self, now_s: float, *times_s: float) -> Vector:
+        """The cue by master gain and ramp, inside the workspace: position and two rates (times, 3, n)."""
+        motion = self._track.targets(times_s)
+        p, v, a = motion.swapaxes(0, 1)
+        g0, gd0, gdd = self._gain
+        ahead_s = np.array(times_s)[:, None] - now_s
+        g, gd = g0 + ahead_s * gd0, gd0 + ahead_s * gdd
         p, v, a = g * p, g * v + gd * p, g * a + 2.0 * gd * v + gdd * p
-        u = (t_s - (self._ramp_start_s or 0.0)) / self._ramp_s
-        if u < 1.0:
-            w = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
-            wd = 30.0 * u * u * (1.0 - u) ** 2 / self._ramp_s
-            wdd = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp_s**2
-            d = p - self._ramp_from
-            p, v, a = self._ramp_from + w * d, w * v + wd * d, w * a + 2.0 * wd * v + wdd * d
+        for k, t_s in enumerate(times_s):
+            u = (t_s - (self._ramp_start_s or 0.0)) / self._ramp_s
+            if u < 1.0:
+                p[k], v[k], a[k] = self._ramped(u, p[k], v[k], a[k])
         inside = within(p, self._limits)
         beyond = inside != p
-        return np.array([inside, np.where(beyond, 0.0, v), np.where(beyond, 0.0, a)])
+        motion[:, 0] = inside
+        motion[:, 1] = np.where(beyond, 0.0, v)
+        motion[:, 2] = np.where(beyond, 0.0, a)
+        return motion
+
+    def _ramped(self, u: float, p: Vector, v: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
+        """A motion (n,) after the share u of the soft ramp's time."""
+        w = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+        wd = 30.0 * u * u * (1.0 - u) ** 2 / self._ramp_s
+        wdd = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp_s**2
+        d = p - self._ramp_from
+        return self._ramp_from + w * d, w * v + wd * d, w * a + 2.0 * wd * v + wdd * d
 
 
 def _states(motion: Vector) -> list[State]:
@@ -147,6 +155,7 @@ def _uses(ahead_s: tuple[float, ...], motion: Vector) -> list[Use]:
     order = np.argsort(ahead_s)
     motion, times = motion[order], np.array(ahead_s)[order]
     v, a = motion[:, 1], motion[:, 2]
-    jerk = np.max(np.abs(np.diff(a, axis=0)) / np.diff(times)[:, None], axis=0)
-    extremes = np.array([v.min(axis=0), v.max(axis=0), a.min(axis=0), a.max(axis=0), jerk])
+    least, most = np.minimum.reduce, np.maximum.reduce  # what min() and max() do, at a third of it
+    jerk = most(np.abs(a[1:] - a[:-1]) / (times[1:] - times[:-1])[:, None])
+    extremes = np.array([least(v), most(v), least(a), most(a), jerk])
     return [Use(*column) for column in extremes.T.tolist()]

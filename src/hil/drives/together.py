@@ -94,7 +94,7 @@ class TogetherMeaning:
         part, actuators = self._of[can_id]
         meant = part.meaning(can_id & EFF_MASK, data)
         if meant.actuator is None:
-            return meant._replace(actuators=actuators)
+            return Meaning(*meant[:-1], actuators)
         if actuators[meant.actuator] == meant.actuator:
             return meant
         return Meaning(meant.ask, actuators[meant.actuator], *meant[2:])

@@ -42,8 +42,7 @@ class Request(NamedTuple):
     command: Command
 
 
-@dataclass(frozen=True, slots=True)
-class RigInputs:
+class RigInputs(NamedTuple):
     """What is known at one step."""
 
     drives: tuple[DriveStatus, ...]

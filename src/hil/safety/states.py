@@ -7,9 +7,9 @@ drives that were on before it. Reactions come from `REACTIONS`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 from hil.drives.driver import DrivePhase, PowerGoal
 from hil.safety.commands import Reply, obey
@@ -23,8 +23,7 @@ RESUME_S: Final = 10.0
 time; after it a person may have come near, so that it takes an arm."""
 
 
-@dataclass(frozen=True, slots=True)
-class RigOutputs:
+class RigOutputs(NamedTuple):
     """What one step decides."""
 
     state: StateName
