@@ -127,6 +127,7 @@ def adapting_section(played: Mapping[str, Played]) -> Section:
         law=ours.final[2] - bias[2],
         least=found["mass.inertia.yy"].value,
         worst=ours.worst,
+        held=sum(found[n].ci95[0] <= found[n].nominal <= found[n].ci95[1] for n in SHOWN),
     )
     head = (
         "",

@@ -111,7 +111,8 @@ smooth curve is no sign of a right number. With the projected form and friction 
 pulses alone are left, and are worth {{bias:.0f}} kg m² in I2. The twin knows them: with that taken
 off the law comes to {{law:.0f}} kg m², least squares to {{least:.0f}}; the law's gains make it slow
 where unknowns look alike, here I2 and the legs' friction. The law says nothing of its uncertainty;
-least squares does, and finds the friction too: {{friction}}. The true values are our own
+least squares does ({{held}} of its four 95 % intervals hold the true value here; of many, one in twenty
+may miss), and finds the friction too: {{friction}}. The true values are our own
 reconstruction {R}: this tests the method, and says nothing of the paper's platform. Largest step of
 the law: {{worst:.2f}} of the 2 at which it turns unstable.</p>""",
 )
