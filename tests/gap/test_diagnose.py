@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hil.cli.gap_diagnose import all_but
 from hil.errors import IdentificationError, RunError
 from hil.gap import diagnose, locate
 from hil.gap.leaves import find_leaves
@@ -55,6 +56,17 @@ def test_a_small_effect_is_found_beside_one_that_makes_nearly_all_of_the_gap():
     late = effect("sensor_latency", "axis.position", delay=0.003)
     found = diagnose(record(rubs, late), AXIS)
     assert {c.effect for c in found.effects} == {"asymmetric_friction", "sensor_latency"}
+
+
+def test_a_large_gap_without_any_candidate_is_unknown():
+    found = diagnose(
+        record(effect("coulomb_friction", force=FRICTION_N)),
+        AXIS,
+        without=all_but(AXIS, "sensor_misalignment"),
+    )
+    assert found.verdict == "unknown"
+    assert "axis.force stands" in found.sentence
+    assert found.tables()["causes"] == []
 
 
 def test_the_place_is_force_at_the_axis(friction):

@@ -68,6 +68,16 @@ def no_gap(located: Located, held_out: str) -> Diagnosis:
     )
 
 
+def _nothing_like_it(located: Located, held_out: str) -> Diagnosis:
+    """A gap of which no candidate has the pattern."""
+    worst = max(located.signals, key=lambda s: s.ratio)
+    sentence = (
+        f"A gap that nothing in the catalogue explains: {worst.signal} stands {worst.ratio:.1f} times above "
+        "its floor, and no candidate has its pattern."
+    )
+    return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)
+
+
 def answer(
     located: Located,
     c: Calibrated,
@@ -82,10 +92,11 @@ def answer(
     weighed, worth = weigh(c, fits)
     zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
     weighed = [w for w in weighed if w.fit.leaves]
-    if not weighed:
-        return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
-    first, gain = weighed[0].fit, weighed[0].log_evidence - zero
     is_large = largest_ratio(c, none) > LARGE or max(s.ratio for s in located.signals) > RATIO
+    if not weighed:
+        found = _nothing_like_it(located, held_out) if is_large else no_gap(located, held_out)
+        return replace(found, not_excited=not_excited(c, bank))
+    first, gain = weighed[0].fit, weighed[0].log_evidence - zero
     if not (is_large or _is_clear(gain, max(traces(c, none, first).values()), first)):
         return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
     share = 1.0 if first.leaves[0].effect == ROUNDED else explained(c, none, first)
