@@ -77,7 +77,7 @@ def watch(rig: RigFile, ride_s: float) -> dict[str, np.ndarray]:
         watchstop.wrap(getattr(motion, part), method, f"{part.strip('_')}.{method}")
     watchstop.wrap(core._machine, "step", "rig states")
     watchstop.wrap(link, "findings", "monitor")
-    watchstop.wrap(core, "_report", "state record")
+    watchstop.wrap(core._telling, "report", "state record")
     for driver in link.drives:
         watchstop.wrap(driver, "on_slot", "slot: driver")
     watchstop.wrap(link.gate, "pass_frame", "gate, one frame")
