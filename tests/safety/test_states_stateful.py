@@ -137,7 +137,10 @@ class AnyDay(RuleBasedStateMachine):
             return
         before, now = self.outputs[-2:]
         if now.armed and not before.armed:
-            assert before.state is StateName.PARKED
+            # The word may come in the very cycle in which the last drive is ready: it is heard after that.
+            at_rest = (StateName.OFFLINE, StateName.PREPARING, StateName.PARKED)
+            assert before.state in at_rest
+            assert before.fault is None
             assert self.asked in (Command.ARM, Command.PARK)
             assert self.verified
             assert now.state in (StateName.READY, StateName.PARKING)
