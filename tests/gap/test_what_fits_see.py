@@ -5,6 +5,7 @@ import pytest
 
 from hil.gap import diagnose, locate
 from hil.gap.heldout import split
+from hil.gap.noise import autoregression
 from hil.gap.standstill import at_rest
 from hil.identify.replay import Stretch
 from tests.gap.twin_runs import AXIS, effect, record
@@ -67,3 +68,8 @@ def test_of_several_runs_the_one_with_all_of_the_gap_is_never_held_out():
     found = diagnose(runs, AXIS)
     assert found.verdict != "no_gap"
     assert (found.causes[0].effect, found.causes[0].location) == ("coulomb_friction", "axis")
+
+
+def test_a_signal_without_a_judged_sample_has_no_autoregression():
+    terms, gain = autoregression(np.empty((6, 0)))
+    assert (len(terms), gain) == (0, 1.0)

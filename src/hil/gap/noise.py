@@ -184,8 +184,10 @@ def tame(problem: Problem, sigma: Array, flat: Array) -> Array:
 
 
 def autoregression(z: Array) -> tuple[Array, float]:
-    """Terms and step of the autoregression of the rows of `z`, by Yule and Walker [M]."""
+    """Terms and step of the autoregression of the rows of `z`, by Yule and Walker [M]; of none, none."""
     n = z.shape[1]
+    if n == 0:  # a signal of which no sample is judged
+        return np.empty(0), 1.0
     order = min(ORDER, n // 20)
     r = np.array([np.mean(np.sum(z[:, k:] * z[:, : n - k], axis=1)) / n for k in range(order + 1)])
     if order == 0 or not np.any(np.abs(r[1:]) > 4.0 * r[0] / np.sqrt(n * len(z))):

@@ -38,9 +38,9 @@ def _periods(problem: Problem, residual: Array, actuator: str, *, by_speed: bool
         place = next(
             (p for p in problem.series
              if p.stretch == s.stretch and p.signal == f"{actuator}.position"), None)  # fmt: skip
-        if place is None:
-            continue
         kept = problem.kept[s.part]
+        if place is None or not kept.any():
+            continue
         t, u = problem.t_s[s.part][kept], problem.t_s[place.part]
         measured = problem.measured[place.part]
         y = residual[s.part][kept]
