@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
 
 from hil.config.rig import RigFile
 from hil.configfile import load_rig
@@ -48,7 +49,7 @@ def test_forward_undoes_inverse_on_a_large_hexapod(share: np.ndarray) -> None:  
     check_round_trip(RIGS["simona"], share)
 
 
-def ends_of_strokes(rig: Manipulator, farthest: float) -> list[np.ndarray]:  # type: ignore[type-arg]
+def ends_of_strokes(rig: Manipulator, farthest: float) -> list[NDArray[np.float64]]:
     """Poses where a stroke ends and poses on the way there, along random directions."""
     rng, poses = np.random.default_rng(1), []
     for _ in range(250):
