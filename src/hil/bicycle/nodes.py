@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import heapq
 from collections.abc import Callable, Iterator
+from typing import Final
 
 import pandas as pd
 
@@ -15,6 +16,10 @@ from hil.drives.bicycle_nodes import Button, encode_button, encode_lean, encode_
 from hil.drives.imu_node import encode as encode_imu
 from hil.errors import BusBusy
 from hil.frames import StampedFrame
+
+QUEUED_S: Final = 0.5
+"""A frame that the bus does not take waits in its controller's queue for so long; then it is lost."""
+AGAIN_S: Final = 0.002
 
 
 def frames_of(rig: BicycleFile, table: pd.DataFrame) -> Iterator[StampedFrame]:
@@ -62,8 +67,14 @@ async def play(frames: Iterator[StampedFrame], port: BusPort, clock: Callable[[]
         wait_s = t_s - (clock() - begun_s)
         if wait_s > 0.0:
             await asyncio.sleep(wait_s)
-        try:
-            port.send(frame)
-        except BusBusy:
-            unsent += 1
+        given_up_s = clock() + QUEUED_S
+        while True:
+            try:
+                port.send(frame)
+                break
+            except BusBusy:
+                if clock() > given_up_s:
+                    unsent += 1
+                    break
+                await asyncio.sleep(AGAIN_S)
     return unsent
