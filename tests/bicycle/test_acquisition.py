@@ -188,8 +188,14 @@ def test_over_a_real_bus_with_real_clocks(weaving, tmp_path):
     async def go():
         url = f"hub:{tmp_path}/bus.sock"
         async with Hub(tmp_path / "bus.sock", 500_000):
-            told = []
-            acquisition = Acquisition(weaving.rig, tmp_path / "runs", told.append)
+            told, ended = [], asyncio.Event()
+
+            def tell(said):
+                told.append(said)
+                if said.event is not None and said.event.name == "ride_ended":
+                    ended.set()
+
+            acquisition = Acquisition(weaving.rig, tmp_path / "runs", tell)
             with (
                 contextlib.closing(open_port(url, bitrate_bps=500_000)) as ours,
                 contextlib.closing(open_port(url, bitrate_bps=500_000)) as theirs,
@@ -199,9 +205,7 @@ def test_over_a_real_bus_with_real_clocks(weaving, tmp_path):
                     acquire(acquisition, ours, time.monotonic, None, wait=True)
                 )
                 unsent = await play(frames_of(weaving.rig, short), theirs, time.monotonic)
-                async with asyncio.timeout(30.0):
-                    while acquisition.is_recording or not acquisition.paths:
-                        await asyncio.sleep(0.02)
+                await asyncio.wait_for(ended.wait(), 30.0)
                 recording.cancel()
                 with contextlib.suppress(asyncio.CancelledError):
                     await recording
