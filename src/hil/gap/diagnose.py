@@ -27,7 +27,7 @@ from hil.gap.nuisances import Nuisance, default_nuisances
 from hil.gap.residual import Refit
 from hil.gap.restrict import noise_of, part_of
 from hil.gap.result import Located
-from hil.gap.rounding import coarse_steps
+from hil.gap.rounding import coarse_steps, coarser, rounded
 from hil.gap.runs import as_runs
 from hil.gap.search import Search
 from hil.gap.shares import weighed_ratio
@@ -62,13 +62,13 @@ def diagnose(
     say = report or (lambda _: None)
     loaded = as_runs(runs, rig)
     healthy = as_runs(references, rig)
-    nuisances = None
+    found, nuisances = None, None
     if healthy:
         say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
         nuisances = as_found(found, default_nuisances(rig, found.evidence.problem.signals))
     say("locating the gap")
-    located = locate(loaded, rig, nuisances=nuisances, seed=seed)
+    located = locate(loaded, rig, nuisances=nuisances, healthy=found, seed=seed)
     return explain(located, nuisances, without=without, seed=seed, report=say)
 
 
@@ -106,6 +106,8 @@ def explain(
         return no_gap(located, parts.text)
     problem, rows = part_of(whole, parts)
     noise = noise_of(e.noise, whole, problem, rows)
+    if steps:
+        noise = coarser(noise, problem, steps, np.random.default_rng(seed + 1))
     start = Refit(e.vector, e.residual[rows], e.jacobian[rows], ())
     c = calibrated(problem, noise, chosen, start)
     none = fit(c, (), {})
@@ -116,7 +118,9 @@ def explain(
     leaves = find_leaves(problem, none.vector, none.residual, without)
     bank = fill_bank(problem, none.vector, problem.measured - none.residual, leaves)
     search = Search(c, bank)
-    fits = fit_candidates(c, none, search, leaves, without, steps, say)
+    fits = fit_candidates(c, none, search, leaves, without, say)
+    if steps:
+        fits = rounded(c, fits, steps)
     return answer(located, c, fits, bank, ~parts.train(whole), parts.text, seed)
 
 

@@ -47,12 +47,12 @@ def lost_answers(problem: Problem) -> float:
     return missing / max(told, 1.0)
 
 
-def fit_lost_frames(c: Calibrated, none: Fit) -> Fit | None:
-    """The twin without the setpoints that this record says were lost; None where there are hardly any."""
+def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
+    """`base` without the setpoints that this record says were lost; None where there are hardly any."""
     problem = c.problem
     if any(p.mode != "position" for p in problem.pieces) or problem.rig.bus.cycle < 2e-3:
         return None
-    lost = _find(c, none)
+    lost = _find(c, base)
     count = sum(len(v) for one in lost for v in one.values())
     if count < FEWEST:
         return None
@@ -63,30 +63,31 @@ def fit_lost_frames(c: Calibrated, none: Fit) -> Fit | None:
         clocks=problem.clocks,
         settle_s=problem.settle_s,
     )
-    answer = dropped.answers(none.vector)[0]
+    answer = dropped.answers(base.vector)[0]
     if not np.all(np.isfinite(answer)):
         return None
     residual = problem.measured - answer
-    vector = np.array(none.vector)
+    vector = np.array(base.vector)
     share, missing = count / frames, lost_answers(problem)
     vector[problem.table.index(SETPOINTS)] = share
     leaf = Leaf(EFFECT, "bus", (SETPOINTS, ANSWERS), (Start({}, ()),), None)
     sd = np.array([np.sqrt(share / frames), np.sqrt(max(missing, 1e-4) / frames)])
     return replace(
-        none, leaves=(leaf,), names=(SETPOINTS, ANSWERS), values=np.array([share, missing]),
-        search_sd=sd, vector=vector, residual=residual, white=c.noise.whiten(problem, residual),
-        extra_cost=ODDS * count,
+        base, leaves=(*base.leaves, leaf), names=(*base.names, SETPOINTS, ANSWERS),
+        values=np.append(base.values, [share, missing]), search_sd=np.append(base.search_sd, sd),
+        vector=vector, residual=residual, white=c.noise.whiten(problem, residual),
+        extra_cost=base.extra_cost + ODDS * count,
     )  # fmt: skip
 
 
-def _find(c: Calibrated, none: Fit) -> list[Lost]:
+def _find(c: Calibrated, base: Fit) -> list[Lost]:
     problem = c.problem
-    base = problem.measured - none.residual
+    now = problem.measured - base.residual
     jobs = []
     for first in range(EVERY):
         for p in problem.pieces:
             every = {a: np.arange(first, len(t), EVERY) for a, (t, _) in p.setpoints.items()}
-            jobs.append((problem.job(_without(p, every)), none.vector))
+            jobs.append((problem.job(_without(p, every)), base.vector))
     flat = run_all(jobs)
     per = len(problem.pieces)
     out: list[Lost] = [{} for _ in problem.pieces]
@@ -94,8 +95,8 @@ def _find(c: Calibrated, none: Fit) -> list[Lost]:
         gains = [np.zeros(len(p.setpoints[a][0])) for p in problem.pieces]
         for first in range(EVERY):
             answer = np.concatenate(flat[first * per : (first + 1) * per])
-            mark = c.noise.whiten(problem, np.where(np.isfinite(answer), answer - base, 0.0))
-            gain = loss(none.white) - loss(none.white - mark)
+            mark = c.noise.whiten(problem, np.where(np.isfinite(answer), answer - now, 0.0))
+            gain = loss(base.white) - loss(base.white - mark)
             gain[np.abs(mark) < 0.02] = 0.0
             for x in problem.series:
                 if x.actuator != a:

@@ -57,11 +57,13 @@ def locate(
     rig: RigFile,
     *,
     nuisances: Sequence[Nuisance] | None = None,
+    healthy: Located | None = None,
     seed: int = 0,
 ) -> Located:
     """Locate the gap between `runs` (Run objects, or frames with column t and one a signal) and `rig`'s twin.
 
-    `nuisances` (default: `default_nuisances`) are refitted first. IdentificationError where the data cannot
+    `nuisances` (default: `default_nuisances`) are refitted first. `healthy`: what was located on references,
+    whose noise tells how much of this record's can be noise. IdentificationError where the data cannot
     carry an answer names signal and reason.
     """
     loaded = as_runs(runs, rig)
@@ -77,8 +79,9 @@ def locate(
     guess = find_noise(problem, problem.base, rng, count=2)
     best = refit(problem, guess, chosen)
     found = find_noise(
-        problem, best.vector, rng, repeats=find_repeats(problem), residual=best.residual
-    )
+        problem, best.vector, rng, repeats=find_repeats(problem), residual=best.residual,
+        healthy=None if healthy is None else healthy.evidence.noise.levels,
+    )  # fmt: skip
     found = projected(found, problem, best.jacobian, best.prior_sd)
     motion = problem.motion(best.vector)
     cells = count_cells(

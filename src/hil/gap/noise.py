@@ -13,7 +13,7 @@ and acceleration) and by the inverse of the draws' own autoregression: the floor
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -42,6 +42,18 @@ LOUDER: Final = 1.1
 """Times all that is left, that its noise may have by the model: weights and chance make that much."""
 COMMON: Final = 0.98
 """Share of the samples, the smaller ones, that tell how loud a record is; the rest are its spikes."""
+HEALTHY: Final = 1.25
+"""Times the level that a healthy reference has by the same model: a run is no noisier than that by itself."""
+AS_LIVELY: Final = 0.5
+"""Of the run's part of timing in its noise, that a reference must have to tell the level of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """How loud a record is beside the noise model: times the model, and timing's part over the sensors'."""
+
+    factor: float
+    lively: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +69,8 @@ class NoiseModel:
     """Of each series: terms of the autoregression of draws over sigma."""
     gain: tuple[float, ...]
     """Of each series: spread of one step of that autoregression, so that whitened noise is 1."""
+    levels: Mapping[str, Level] = field(default_factory=dict)
+    """By signal, the level that the record's own residual gave the noise model."""
 
     def whiten(self, problem: Problem, flat: Array) -> Array:
         """(N, ...) residuals or sensitivities as they count: without a gap independent, spread 1.
@@ -204,12 +218,14 @@ def find_noise(
     *,
     repeats: Sequence[Repeats] = (),
     residual: Array | None = None,
+    healthy: Mapping[str, Level] | None = None,
     count: int = DRAWS,
 ) -> NoiseModel:
     """The floor at `vector`: the model's draws, set right by repeats of the same motion where there are any.
 
     With the `residual` at `vector` the draws are brought to the level of its fastest part, in which noise
-    is and a gap hardly; it is needed where `repeats` are given.
+    is and a gap hardly; it is needed where `repeats` are given. `healthy`: levels of a reference, which this
+    record's own exceed by little, for impacts and the like are fast as well.
     """
     late, sensed = draws(problem, vector, rng, count)
     drawn = late + sensed
@@ -222,26 +238,25 @@ def find_noise(
         f"noise model: the rig file's sensor noise and rounding, answers' jitter, setpoints that act {ticks} "
         f"after waits of up to {wait_us:.0f} µs; {count} records drawn from the twin itself"
     )
+    levels: dict[str, Level] = {}
     if residual is not None:
-        drawn, factors = _as_loud(problem, late, sensed, residual)
+        drawn, levels = _as_loud(problem, late, sensed, residual, healthy or {})
+        factors = [x.factor for x in levels.values()] or [1.0]
         low, high = min(factors), max(factors)
         text += (
             f", each signal's level times {low:.2g} to {high:.2g} by the fastest part of its residual, "
             "and no louder than all of that"
         )
     if not repeats or residual is None:
-        return from_draws(problem, drawn, "model", text, timing)
+        return replace(from_draws(problem, drawn, "model", text, timing), levels=levels)
     scaled, by_signal = _by_repeats(problem, drawn, repeats, residual)
     what = "; ".join(dict.fromkeys(r.text for r in repeats))
     low, high = min(by_signal.values()), max(by_signal.values())
-    return from_draws(
-        problem,
-        scaled,
-        "repeats",
+    text = (
         f"{what}: half the difference of their residuals is noise, {low:.2g} to {high:.2g} times the noise "
-        "model, whose shape in time is kept",
-        timing,
+        "model, whose shape in time is kept"
     )
+    return replace(from_draws(problem, scaled, "repeats", text, timing), levels=levels)
 
 
 def time_sensitivity(problem: Problem, vector: Array) -> Array:
@@ -260,15 +275,19 @@ def time_sensitivity(problem: Problem, vector: Array) -> Array:
 
 
 def _as_loud(
-    problem: Problem, late: Array, sensed: Array, residual: Array
-) -> tuple[Array, list[float]]:
+    problem: Problem,
+    late: Array,
+    sensed: Array,
+    residual: Array,
+    healthy: Mapping[str, Level],
+) -> tuple[Array, dict[str, Level]]:
     """Draws of timing and sensors brought series by series to the level of a residual.
 
     To the median size of its second differences, which leave out what is slow and what is rare: kicks at
     reversals, lost frames. And never louder than the whole residual is, for that holds the noise: what the
-    bus may do to timing at most is often more than this bus does.
+    bus may do to timing at most is often more than this bus does. Nor much louder than a healthy record.
     """
-    out, factors = late + sensed, []
+    out, levels = late + sensed, dict[str, Level]()
     for x in problem.series:
         kept = problem.kept[x.part]
         if kept.sum() < 50:
@@ -276,9 +295,14 @@ def _as_loud(
         left = residual[x.part][kept]
         a, b = late[:, x.part][:, kept], sensed[:, x.part][:, kept]
         factor, share = _level(left, a, b)
+        lively = float(np.sqrt(_loud(a) / max(_loud(b), 1e-300)))
+        usual = healthy.get(x.signal)
+        if usual is not None and usual.lively > AS_LIVELY * lively:
+            factor = min(factor, HEALTHY * usual.factor)
         out[:, x.part] = factor * (share * late[:, x.part] + sensed[:, x.part])
-        factors.append(factor)
-    return out, factors or [1.0]
+        known = levels.get(x.signal, Level(0.0, 0.0))
+        levels[x.signal] = Level(max(factor, known.factor), max(lively, known.lively))
+    return out, levels
 
 
 def _level(left: Array, late: Array, sensed: Array) -> tuple[float, float]:

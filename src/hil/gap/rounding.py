@@ -1,13 +1,22 @@
-"""Signals in steps coarser than the rig file says: seen in the values themselves, no twin needed."""
+"""Signals in steps coarser than the rig file says: seen in the values themselves, no twin needed.
+
+What is seen so is a fact, no candidate: the other candidates are judged beside it, by a floor that has the
+steps in.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.draws import sensor_noise
+from hil.gap.fit import Calibrated, Fit
+from hil.gap.leaves import Leaf, Start
+from hil.gap.noise import NoiseModel
 from hil.gap.problem import Problem
 
 Array = NDArray[np.float64]
@@ -17,6 +26,9 @@ COARSER: Final = 1.8
 ON_GRID: Final = 0.99
 OFF: Final = 0.03
 """Of a step, that a value may lie beside the grid."""
+EARNED: Final = 5.0
+"""Nats that each value on a grid earns, for it cannot be there by chance."""
+EFFECT: Final = "sensor_quantisation"
 
 
 def coarse_steps(problem: Problem) -> dict[str, float]:
@@ -51,3 +63,43 @@ def step_of(values: Array) -> float | None:
     place = (values - levels[0]) / step
     on_grid = np.abs(place - np.round(place)) < OFF
     return step if float(on_grid.mean()) > ON_GRID else None
+
+
+def coarser(
+    noise: NoiseModel, problem: Problem, steps: Mapping[str, float], rng: np.random.Generator
+) -> NoiseModel:
+    """`noise` with the rounding that `coarse_steps` found."""
+    drawn, sigma = np.array(noise.draws), np.array(noise.sigma)
+    terms, gains = list(noise.ar), list(noise.gain)
+    for k, x in enumerate(problem.series):
+        step = steps.get(x.signal)
+        if step is None:
+            continue
+        drawn[:, x.part] += step * (rng.random(drawn[:, x.part].shape) - 0.5)
+        sigma[x.part] = np.hypot(sigma[x.part], step / np.sqrt(12.0))
+        terms[k], gains[k] = np.empty(0), 1.0
+    return replace(noise, draws=drawn, sigma=sigma, ar=tuple(terms), gain=tuple(gains))
+
+
+def rounded(c: Calibrated, fits: Sequence[Fit], steps: Mapping[str, float]) -> list[Fit]:
+    """The first of `fits`, the twin without effects, then each of them with the steps of the signals."""
+    names = tuple(f"{signal}.{EFFECT}.step" for signal in steps)
+    leaves = tuple(
+        Leaf(EFFECT, signal, (name,), (Start({}, ({name: step},)),), None)
+        for (signal, step), name in zip(steps.items(), names, strict=True)
+    )
+    count = sum(int(c.train[x.part].sum()) for x in c.problem.series if x.signal in steps)
+    index = [c.problem.table.index(n) for n in names]
+    values = np.array(list(steps.values()))
+    out = [fits[0]]
+    for f in fits:
+        vector = np.array(f.vector)
+        vector[index] = values
+        out.append(
+            replace(
+                f, leaves=(*f.leaves, *leaves), names=(*f.names, *names), vector=vector,
+                values=np.append(f.values, values), search_sd=np.append(f.search_sd, 1e-3 * values),
+                extra_cost=f.extra_cost - EARNED * count,
+            )
+        )  # fmt: skip
+    return out

@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.gap.bank import ABSOLUTE
+from hil.gap.fit import Calibrated, Fit
 from hil.gap.leaves import Changes, Leaf
 from hil.gap.problem import Problem
 
@@ -48,4 +50,15 @@ def changes_of(
             if name in out:
                 p = problem.table[name]
                 out[name] = min(max(out[name], p.lower), p.upper)
+    return out
+
+
+def relative(c: Calibrated, f: Fit) -> dict[str, float]:
+    """Values of fitted parameters as starts give them: for a twin without effects."""
+    out = {}
+    for name, value in zip(f.names, f.values.tolist(), strict=True):
+        p = c.problem.table[name]
+        now = float(c.vector[c.problem.table.index(name)])
+        is_added = p.search == "linear" and np.isfinite(p.neutral) and p.parameter not in ABSOLUTE
+        out[name] = value - now + p.neutral if is_added else value
     return out

@@ -1,0 +1,82 @@
+"""Laws of friction at one place: which go together, which fit is another law in disguise, and how a law with
+a peak at rest is found from a plain one."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from hil.gap.fit import Calibrated, Fit, fit, loss
+from hil.gap.leaves import STRIBECK_M_S, Leaf
+from hil.gap.starts import relative
+
+PLAIN: Final = frozenset({"coulomb_friction", "viscous_friction"})
+PEAKED: Final = "stribeck_friction"
+FRICTION: Final = PLAIN | {PEAKED, "asymmetric_friction", "load_friction", "hysteresis"}
+BESIDE: Final = frozenset({"viscous_friction", "load_friction"})
+"""They may act beside another law, for they go with speed and load; the others are each other's forms."""
+PEAKS: Final = (1.6, 3.0)
+"""Times the plain friction, that friction at rest may have where a peak is looked for."""
+
+
+def may_join(leaf: Leaf, others: Sequence[Leaf]) -> bool:
+    """Whether a leaf can act beside `others`: not itself again, no two forms of one law at one place."""
+    return not any(
+        leaf.name == x.name
+        or (
+            leaf.location == x.location
+            and leaf.effect in FRICTION
+            and x.effect in FRICTION
+            and not {leaf.effect, x.effect} & BESIDE
+        )
+        for x in others
+    )
+
+
+def is_itself(f: Fit) -> bool:
+    """Whether no effect of a fit has gone where it is another law of the rig's own friction near standstill:
+    a hysteresis as narrow as it may be, a Stribeck curve that rises from rest."""
+    if any(n.endswith(".hysteresis.displacement") for n in f.at_bound):
+        return False
+    value = dict(zip(f.names, f.values.tolist(), strict=True))
+    return not any(
+        value.get(f"{leaf.name}.static", 0.0) < value.get(f"{leaf.name}.coulomb", 0.0)
+        for leaf in f.leaves
+        if leaf.effect == PEAKED
+    )
+
+
+def peaked(c: Calibrated, base: Fit, leaf: Leaf) -> Fit | None:
+    """`base`, in which Coulomb friction acts where `leaf` does, with `leaf` in its place: friction with a
+    peak at rest; None where no peak helps.
+
+    How long a peak holds the rig decides when it breaks loose, so no linear picture from a twin without one
+    finds it.
+    """
+    plain = f"{leaf.location}.coulomb_friction.force"
+    table = c.problem.table
+    own = table.index(plain)
+    added = float(base.vector[own] - c.vector[own])
+    names = [f"{leaf.name}.{p}" for p in ("coulomb", "static", "velocity")]
+    index = [table.index(n) for n in names]
+    options = list(itertools.product(PEAKS, STRIBECK_M_S))
+    rows = np.tile(base.vector, (len(options), 1))
+    rows[:, own] = c.vector[own]
+    for row, (peak, speed) in zip(rows, options, strict=True):
+        row[index] = (added, peak * added, speed)
+    costs = [
+        float(np.sum(loss(c.noise.whiten(c.problem, c.problem.measured - a)[c.train])))
+        if np.all(np.isfinite(a))
+        else np.inf
+        for a in c.problem.answers(rows)
+    ]
+    best = int(np.argmin(costs))
+    if not costs[best] < base.cost(c.train):
+        return None
+    start = {n: v for n, v in relative(c, base).items() if n != plain}
+    start |= dict(zip(names, rows[best][index].tolist(), strict=True))
+    others = [x for x in base.leaves if x.name != f"{leaf.location}.coulomb_friction"]
+    return fit(c, [*others, leaf], start, base.z)
