@@ -10,12 +10,15 @@ import pytest
 from hil.bus.schedule import require_schedule_fits
 from hil.config import RigFile
 from hil.configfile import load_rig, parse_settings
+from hil.control.streaming import cues
 from hil.daemon.records import FrameRecord, InputRecord, SetpointRecord, StateRecord
 from hil.daemon.replay import Replay
+from hil.daemon.simulated import cue_at
 from hil.drivefiles import load_profile, load_profiles
 from hil.drives import DrivePhase
 from hil.errors import ConfigError
 from hil.frames import Frame
+from hil.safety import Rule
 from tests.daemon.simulated_rig import Session, rig_file
 from tests.drives.cia402.exchange import with_drive
 
@@ -250,3 +253,20 @@ def test_shipped_rig_files_name_drive_files_that_there_are():
     for name in ("axis_canopen", "stewart_canopen", "axis", "motorcycle"):
         rig = load_rig(name)
         assert require_schedule_fits(rig, load_profiles(rig)) < 0.9
+
+
+def test_late_wakes_and_missed_cycles_at_1_khz_are_not_taken_for_setpoints_that_are_too_fast():
+    ride = session(bus={"cycle": 0.001, "setpoint_delay": 0.00115}, safety={"overrun_cycles": 60})
+    ride.arm()
+    ride.world._jitter_s = 0.0008  # half of all wakes more than half a cycle late
+    start_s, amplitude_m = ride.now_s, 0.02
+
+    def motion(t_s):
+        grown = np.clip(t_s - 0.3, 0.0, 1.0)
+        return (amplitude_m * grown * np.sin(4.0 * np.pi * t_s))[:, None]
+
+    for cue in cues(motion, 0.0, 2.0, "test"):
+        ride.cue(cue_at(cue, start_s))
+    assert ride.core._schedule.overruns > 100
+    assert set(ride.core._link.gate.refused) <= {Rule.DUPLICATE}
+    assert ride.core.state == "engaged"

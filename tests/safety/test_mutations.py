@@ -15,8 +15,10 @@ from tests.safety.bench import BenchMeaning, limits
 from tests.safety.gate_cases import CASES, run
 from tests.safety.mutants import Mutant, load, mutants
 
-RULES = frozenset({"judge_measured", "judge_force", "judge_position", "judge_velocity"})
-RULE_CONSTANTS = frozenset({"SLACK", "RESYNC_CYCLES"})
+RULES = frozenset(
+    {"judge_measured", "judge_force", "judge_position", "judge_velocity", "_slot", "_sudden"}
+)
+RULE_CONSTANTS = frozenset({"SLACK", "AHEAD_CYCLES"})
 GATE = frozenset(
     {
         "powered",

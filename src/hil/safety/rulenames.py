@@ -26,7 +26,10 @@ class Rule(Enum):
     UNKNOWN_ID = "unknown_id", "only identifiers that the rig's drives listen to"
     LENGTH = "length", "each identifier has its one data length"
     UNKNOWN_MEANING = "unknown_meaning", "a frame must be understood in full"
-    RATE = "rate", "at most 21 frames of an identifier in 20 bus cycles"
+    RATE = (
+        "rate",
+        "at most 21 frames of an identifier in 20 bus cycles, setpoints 1.25 cycles ahead of one a cycle",
+    )
     DUPLICATE = "duplicate", "the same frame again within a quarter of a bus cycle"
     DISARMED = "disarmed", "power-on control words and setpoints only while armed"
     START_UNARMED = (
@@ -47,9 +50,12 @@ class Rule(Enum):
     )
     STROKE = "stroke", "position setpoints inside the stroke less stroke_margin at each end"
     FOLLOWING = "following", "position setpoints within following_error of the measured position"
-    SPEED = "speed", "change of setpoint over time, or speed setpoint, at most 1.05 velocity_max"
+    SPEED = (
+        "speed",
+        "change of setpoint over one bus cycle, or speed setpoint, at most 1.05 velocity_max",
+    )
     ACCELERATION = (
         "acceleration",
-        "change of setpoint speed over time at most 1.05 acceleration_max",
+        "change of setpoint speed over one bus cycle at most 1.05 acceleration_max",
     )
     FORCE = "force", "force setpoints within force_max"

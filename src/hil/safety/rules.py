@@ -1,12 +1,14 @@
 """The gate's rules for setpoints: small functions that say which rule a value breaks.
 
-Every comparison asks for what is allowed (`not value <= bound`), so that NaN is refused. A position
-setpoint is judged as the drive will run it: in a straight line over whole bus cycles.
+Every comparison asks for what is allowed (`not value <= bound`), so that NaN is refused. A setpoint is
+judged as the drive will run it, which takes one bus cycle for each setpoint that it is given, however late
+that came: a position in a straight line from the setpoint before, a speed at once. Time that has gone by
+without a setpoint allows nothing: a sender that has missed cycles goes on from where it was, and does not
+make up for them in one stroke.
 
-Send jitter: the time since the setpoint before is counted in whole cycles of the sender's schedule, at
-least one, so a frame that leaves up to half a cycle late or early changes nothing. Where more than one
-cycle has gone by, the setpoint may carry the travel of one cycle (a late frame) or of all of them (cycles
-that were skipped), and its speed is taken as the one of these nearest to the speed before.
+Nor may setpoints come faster than the drive can run them: a sender's schedule has one a cycle, of which
+each may leave late by up to a cycle and the next one in time, and so much may the setpoints passed be ahead
+of the clock.
 """
 
 from __future__ import annotations
@@ -21,8 +23,9 @@ from hil.safety.rulenames import Rule
 SLACK: Final = 1.05
 """Setpoints may exceed velocity_max and acceleration_max by this factor: they are chords of a curve that
 was planned to the limits, rounded to the drive's increments."""
-RESYNC_CYCLES: Final = 0.5
-"""How far the sender's schedule, as the gate reckons it, may run ahead of the clock, cycles."""
+AHEAD_CYCLES: Final = 1.25
+"""How far the setpoints passed may be ahead of the clock, cycles: one for the latest frame that a sender's
+schedule allows before one that is in time, and room for what clocks are rounded to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +63,13 @@ class Measured(NamedTuple):
 
 
 class Passed(NamedTuple):
-    """The last position setpoint that went out, and how it continues."""
+    """The last setpoint that went out, and how it continues."""
 
     value: float
+    """m or rad; where speeds are sent, the measured position."""
     speed: float
     slot_s: float
-    """Its instant on the sender's schedule: without send jitter, s."""
+    """The latest instant at which it can have been due: the setpoints before it took a cycle each, s."""
     at_s: float
     """When it went out, s."""
 
@@ -145,32 +149,18 @@ def judge_position(
             f"setpoint {value:.5f} is {abs(value - measured.value):.5f} from the measured "
             f"{measured.value:.5f}, {limits.following_error_m:g} allowed (following_error)",
         )
-    if last is None:
-        value_before, speed_before, slot_before_s = measured.value, 0.0, now_s - cycle_s
-    else:
-        value_before, speed_before, slot_before_s, _ = last
-    cycles = max(1, round((now_s - slot_before_s) / cycle_s))
-    slowest = (value - value_before) / (cycles * cycle_s)
-    fastest = (value - value_before) / cycle_s
+    slot_s = _slot(cycle_s, last, now_s)
+    if isinstance(slot_s, Broken):
+        return slot_s
+    value_before, speed_before = (measured.value, 0.0) if last is None else last[:2]
+    speed = (value - value_before) / cycle_s
     top = limits.velocity_max * SLACK
-    if not abs(slowest) <= top:
+    if not abs(speed) <= top:
         return Broken(
             Rule.SPEED,
-            f"setpoint asks for {abs(slowest):.4f} /s, {top:.4f} /s allowed (velocity_max)",
+            f"setpoint asks for {abs(speed):.4f} /s, {top:.4f} /s allowed (velocity_max)",
         )
-    low, high = min(slowest, fastest), max(slowest, fastest)
-    speed = min(max(speed_before, low), high)
-    sudden = (
-        limits.acceleration_max * SLACK * cycles * cycle_s + 2.0 * limits.resolution_m / cycle_s
-    )
-    if not abs(speed - speed_before) <= sudden:
-        return Broken(
-            Rule.ACCELERATION,
-            f"setpoint changes speed from {speed_before:.4f} to {speed:.4f} /s at once, "
-            f"{sudden:.4f} allowed (acceleration_max)",
-        )
-    slot_s = min(slot_before_s + cycles * cycle_s, now_s + RESYNC_CYCLES * cycle_s)
-    return Passed(value, speed, slot_s, now_s)
+    return _sudden(limits, cycle_s, speed_before, speed) or Passed(value, speed, slot_s, now_s)
 
 
 def judge_velocity(
@@ -190,17 +180,12 @@ def judge_velocity(
         return Broken(
             Rule.SPEED, f"speed {abs(value):.4f} /s is asked, {top:.4f} /s allowed (velocity_max)"
         )
-    speed_before, slot_before_s = (0.0, now_s - cycle_s) if last is None else last[1:3]
-    cycles = max(1, round((now_s - slot_before_s) / cycle_s))
-    sudden = (
-        limits.acceleration_max * SLACK * cycles * cycle_s + 2.0 * limits.resolution_m / cycle_s
-    )
-    if not abs(value - speed_before) <= sudden:
-        return Broken(
-            Rule.ACCELERATION,
-            f"speed changes from {speed_before:.4f} to {value:.4f} /s at once, {sudden:.4f} allowed "
-            "(acceleration_max)",
-        )
+    slot_s = _slot(cycle_s, last, now_s)
+    if isinstance(slot_s, Broken):
+        return slot_s
+    broken = _sudden(limits, cycle_s, 0.0 if last is None else last.speed, value)
+    if broken is not None:
+        return broken
     age_s = now_s - measured.at_s + cycle_s
     stop = measured.value + value * (age_s + 0.5 * abs(value) / limits.acceleration_max)
     if not (value >= 0.0 or stop >= limits.low_m) or not (value <= 0.0 or stop <= limits.high_m):
@@ -209,5 +194,28 @@ def judge_velocity(
             f"at {value:.4f} /s it would come to rest at {stop:.5f}, outside {limits.low_m:g}.."
             f"{limits.high_m:g} (stroke less margin)",
         )
-    slot_s = min(slot_before_s + cycles * cycle_s, now_s + RESYNC_CYCLES * cycle_s)
     return Passed(measured.value, value, slot_s, now_s)
+
+
+def _slot(cycle_s: float, last: Passed | None, now_s: float) -> float | Broken:
+    """When a setpoint that goes out now was due at the latest, s, unless it comes too soon."""
+    slot_s = now_s if last is None else max(last.slot_s + cycle_s, now_s)
+    if not slot_s - now_s <= AHEAD_CYCLES * cycle_s:
+        return Broken(
+            Rule.RATE,
+            f"setpoints came {(slot_s - now_s) / cycle_s:.2f} cycles faster than one a cycle, "
+            f"{AHEAD_CYCLES:g} allowed",
+        )
+    return slot_s
+
+
+def _sudden(limits: DriveLimits, cycle_s: float, before: float, speed: float) -> Broken | None:
+    """A change of speed, m/s or rad/s, within a cycle's acceleration and what increments round."""
+    allowed = limits.acceleration_max * SLACK * cycle_s + 2.0 * limits.resolution_m / cycle_s
+    if not abs(speed - before) <= allowed:
+        return Broken(
+            Rule.ACCELERATION,
+            f"setpoint changes speed from {before:.4f} to {speed:.4f} /s at once, "
+            f"{allowed:.4f} allowed (acceleration_max)",
+        )
+    return None

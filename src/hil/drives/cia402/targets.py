@@ -25,14 +25,15 @@ class Targets:
         self._cycle_s = rig.bus.cycle
         self._reference = 0.0
         self._before: float | None = None
+        self._told = 0.0
 
     def restart(self) -> None:
         """No setpoint came before."""
-        self._before = None
+        self._before, self._told = None, 0.0
 
     def idle(self, position: int) -> float:
         """What moves nothing when the power comes: where the drive is, or no force, or no speed."""
-        self._before = None
+        self._before, self._told = None, 0.0
         self._reference = float(position) if self._kind == "position" else 0.0
         return self._reference
 
@@ -49,13 +50,19 @@ class Targets:
         return self._reference
 
     def _speed(self, wanted: float, position: int) -> float:
-        """Mode csv: the drive model's position loop, in the daemon."""
+        """Mode csv: the drive model's position loop, in the daemon, within the drive's acceleration.
+
+        After missed cycles the drive has gone on at the speed before, and the loop asks for more at once.
+        """
         a = self._actuator
         measured = self._units.measured("position", position)
         before, self._before = wanted if self._before is None else self._before, wanted
         speed = a.position_gain * (wanted - measured)
         speed += a.velocity_ff * (wanted - before) / self._cycle_s
-        return min(max(speed, -a.velocity_max), a.velocity_max)
+        speed = min(max(speed, -a.velocity_max), a.velocity_max)
+        most = a.acceleration_max * self._cycle_s
+        self._told = min(max(speed, self._told - most), self._told + most)
+        return self._told
 
 
 class Syncs:
