@@ -25,6 +25,9 @@ TEMPER: Final = 2.0
 RELATIVE: Final = 0.003
 """Of all that the best candidate explains: two that differ by less are no further apart than two laws of one
 effect, and no number of samples changes that [set on training cases of two worlds]."""
+SIMPLER: Final = 1.0
+"""Such units that each parameter must earn: of two laws that explain alike the one with fewer is meant more
+often, whatever small ways of the rig the other's freedom follows [set on training cases of two worlds]."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
 UNUSED: Final = 0.015
@@ -65,13 +68,11 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], dict[str, 
     ]
     logs = likely + np.array(shared)
     real = np.array([bool(f.leaves) for f in fits])
-    p = np.ones(1)
-    if real.any():
-        most = logs[real].max()
-        unit = max(1.0, RELATIVE * float(most - logs[~real].max()))
-        p = np.exp(np.where(real, (logs - most) / unit, -np.inf))
+    unit = max(1.0, RELATIVE * float(logs.max() - logs[~real].max()))
+    worth_of = np.where(real, logs / unit - SIMPLER * names, -np.inf if real.any() else 0.0)
+    p = np.exp(worth_of - worth_of.max())
     p /= p.sum()
-    order = np.argsort(-logs)
+    order = np.argsort(-worth_of)
     return [Weighed(fits[k], float(logs[k]), float(p[k])) for k in order], worth
 
 

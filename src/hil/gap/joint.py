@@ -26,6 +26,10 @@ PROMISE: Final = 0.15
 """Of what the others leave above the floor, the least that a further effect takes in the linear picture."""
 NATS: Final = 40.0
 """The least that it takes at all: of the loss of fits, where samples count as if they were independent."""
+NEARLY: Final = 0.7
+"""Of what an effect of the best set explains alone, what another must to be tried in its place; and of its
+trace, by how much less the two must differ."""
+SWAPS: Final = 3
 ADDS: Final = 0.5
 """Of what the others leave, the least that a further effect must explain: less is how laws differ."""
 
@@ -41,8 +45,8 @@ def joint_fits(
     """Pairs and triples; `fits`: the twin without effects, then single ones."""
     out: list[Fit] = []
     known = {leaf.name for leaf in leaves}
-    ranked = sorted(fits[1:], key=lambda f: _cost(c, f))
-    heads = _unlike(c, [f for f in ranked if f.leaves[0].name in known])
+    singles = sorted((f for f in fits[1:] if f.leaves[0].name in known), key=lambda f: _cost(c, f))
+    heads = _unlike(c, singles)
     for _ in ("pairs", "triples"):
         if not heads or largest_ratio(c, heads[0]) < LEFT:
             break
@@ -57,6 +61,7 @@ def joint_fits(
             joint = fit(c, some, {**relative(c, head), **start}, p.z)
             if joint is not None and is_itself(joint) and _adds(c, [*fits[1:], *out], joint):
                 new.append(joint)
+        new += _swapped(c, fits, singles, new, say)
         out += new
         least = min(_cost(c, f) for f in heads)
         heads = sorted((f for f in new if _cost(c, f) < least), key=lambda f: _cost(c, f))[:1]
@@ -66,12 +71,51 @@ def joint_fits(
 
 
 def _unlike(c: Calibrated, ranked: Sequence[Fit]) -> list[Fit]:
-    """The best fit, and the best of those that do not answer as it does."""
-    return [*ranked[:1], *(f for f in ranked[1:] if distance(c, ranked[0], f) > ALIKE)][:2]
+    """The best fit and the best of those that do not answer as it does, of each its simplest like."""
+    best = ranked[:1]
+    others = [f for f in ranked[1:] if distance(c, best[0], f) > ALIKE][:1]
+    return [
+        min((f for f in ranked if distance(c, h, f) <= ALIKE), key=lambda f: len(f.names))
+        for h in (*best, *others)
+    ]
 
 
 def _cost(c: Calibrated, f: Fit) -> float:
     return f.cost(c.train) + f.prior_cost + f.extra_cost
+
+
+def _swapped(
+    c: Calibrated, fits: Sequence[Fit], singles: Sequence[Fit], new: Sequence[Fit], say: Report
+) -> list[Fit]:
+    """The best of `new` sets with one effect exchanged for another that alone explains nearly as much.
+
+    What a set was begun with is what looks best alone: a delay and a latency change places beside others.
+    """
+    best = min(new, key=lambda f: _cost(c, f), default=None)
+    if best is None:
+        return []
+    alone = {f.leaves[0].name: f for f in singles}
+    have = {leaf.name for f in new for leaf in f.leaves}
+    tries = [
+        (leaf, x) for x in singles for leaf in best.leaves
+        if x.leaves[0].name not in have and leaf.name in alone and _is_near(c, fits[0], alone[leaf.name], x)
+        and may_join(x.leaves[0], [y for y in best.leaves if y is not leaf])
+    ]  # fmt: skip
+    out = []
+    for leaf, x in tries[:SWAPS]:
+        some = (*(y for y in best.leaves if y is not leaf), *x.leaves)
+        say("fitting " + " + ".join(y.name for y in some))
+        kept = {n: v for n, v in relative(c, best).items() if n not in leaf.parameters}
+        joint = fit(c, some, kept | relative(c, x), best.z)
+        if joint is not None and is_itself(joint) and _adds(c, [*fits[1:], *new], joint):
+            out.append(joint)
+    return out
+
+
+def _is_near(c: Calibrated, none: Fit, f: Fit, x: Fit) -> bool:
+    """Whether `x` explains nearly as much as `f` does, and nearly the same."""
+    gain, other = _cost(c, none) - _cost(c, f), _cost(c, none) - _cost(c, x)
+    return other > NEARLY * gain and distance(c, f, x) < NEARLY * distance(c, none, f)
 
 
 def _with_lost(
@@ -79,9 +123,10 @@ def _with_lost(
 ) -> list[Fit]:
     """Lost frames beside the best of the other fits, where that leaves something."""
     others = [f for f in (*fits[1:], *joint) if f.leaves[0].name in known]
-    best = min(others, key=lambda f: _cost(c, f), default=None)
-    if best is None or above_noise(c, best) < NATS:
+    heads = _unlike(c, sorted(others, key=lambda f: _cost(c, f)))
+    if not heads or above_noise(c, heads[0]) < NATS:
         return []
+    best = heads[0]
     say("looking for lost frames beside " + " + ".join(x.name for x in best.leaves))
     found = fit_lost_frames(c, best)
     return [found] if found is not None and _adds(c, [*fits[1:], *joint], found) else []

@@ -9,10 +9,11 @@ from typing import Final
 import numpy as np
 
 from hil.config import BicycleFile
+from hil.gap.bicycle.intervals import widened
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
 from hil.gap.bicycle.noise import tempered, with_tolerances
-from hil.gap.diagnose import as_found, explain
+from hil.gap.diagnose import STRAIN, as_found, explain
 from hil.gap.diagnosis import Cause, Diagnosis
 from hil.gap.fit import Fit
 from hil.gap.frames import EFFECT as LOST
@@ -20,7 +21,8 @@ from hil.gap.heldout import Score, score, split, touched
 from hil.gap.noise import NoiseModel
 from hil.gap.nuisances import Nuisance
 from hil.gap.problem import Mask
-from hil.gap.verdict import judge
+from hil.gap.result import Located
+from hil.gap.verdict import HOLDS, STANDS, judge
 from hil.runs import Run
 
 EXPLAINED: Final = 0.72
@@ -44,16 +46,34 @@ def diagnose_rides(
 ) -> Diagnosis:
     """Diagnose the gap between rides and the bicycle's model; arguments as of `hil.gap.diagnose`."""
     say = report or (lambda _: None)
-    healthy = list(references)
+    loaded, healthy = list(runs), list(references)
     nuisances: list[Nuisance] | None = None
     if healthy:
         say("calibrating on the healthy references")
         known = locate_rides(healthy, rig, seed=seed)
         nuisances = as_found(known, ride_nuisances(rig, known.evidence.problem))
     say("locating the gap")
-    located = locate_rides(runs, rig, nuisances=nuisances, seed=seed)
+    located = locate_rides(loaded, rig, nuisances=nuisances, seed=seed)
+    chosen = nuisances or list(ride_nuisances(rig, located.evidence.problem))
+    found = _explained(located, chosen, without, seed, say)
+    if not found.causes and (far := _strained(located, chosen)):
+        say(f"once more without what no calibration sets right: {', '.join(far)}")
+        fewer = [n for n in chosen if n.name.rpartition(".")[0] not in far]
+        anew = locate_rides(loaded, rig, nuisances=fewer, seed=seed)
+        named = _explained(anew, fewer, without, seed, say)
+        return named if named.effects else found
+    return found
+
+
+def _explained(
+    located: Located,
+    chosen: Sequence[Nuisance],
+    without: Collection[str],
+    seed: int,
+    say: Callable[[str], None],
+) -> Diagnosis:
+    """The diagnosis of what was located with the nuisances `chosen`."""
     e = located.evidence
-    chosen = nuisances or list(ride_nuisances(rig, e.problem))
     sd = np.array([n.sd for n in chosen])
 
     def explained_with(noise: NoiseModel) -> tuple[Diagnosis, NoiseModel]:
@@ -73,6 +93,18 @@ def diagnose_rides(
     return _on_floor(replace(found, located=located), held, seed)
 
 
+def _strained(located: Located, chosen: Sequence[Nuisance]) -> list[str]:
+    """`location.effect` of each nuisance that had to go further than calibrations leave anything."""
+    mean = {n.name: n.mean for n in chosen}
+    return sorted(
+        {
+            f.name.rpartition(".")[0]
+            for f in located.nuisances
+            if f.at_bound or abs(f.change - mean[f.name]) > STRAIN * f.prior_sd
+        }
+    )
+
+
 def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
     """`found` with its shrinks, on `held` (N,) samples, from the measurement's own floor, as the gap is."""
     e, best, none, c = found.located.evidence, found.best, found.none, found.calibrated
@@ -87,7 +119,7 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
 
     def shown(cause: Cause) -> Cause:
         signals = touched(c, none, cause.fit) or e.problem.signals
-        return replace(cause, shrink=again(cause.fit, signals).shrink)
+        return widened(replace(cause, shrink=again(cause.fit, signals).shrink), c)
 
     causes = tuple(x if x.shrink is None else shown(x) for x in found.causes)
     by_name = {(x.effect, x.location): x for x in causes}
@@ -137,13 +169,17 @@ def _by_energy(found: Diagnosis) -> Diagnosis:
     left = sum(max(after / n - 1.0, 0.0) for _, after, n in energy.values())
     share = 1.0 - left / max(was, 1e-9)
     unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
+    unseen = found.score
+    worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
+    if worth is not None and worth < HOLDS:
+        unknown = max(unknown, 0.9)  # unseen data do not bear it out
     factor = (1.0 - unknown) / max(1.0 - found.unknown, 1e-12)
     causes = tuple(replace(x, probability=x.probability * factor) for x in found.causes)
     chosen = tuple(
         next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
         for leaf in best.leaves
     )
-    shrink = None if found.score is None else found.score.shrink
+    shrink = None if unseen is None else unseen.shrink
     verdict, sentence = judge(chosen, causes, unknown, shrink)
     return replace(
         found,

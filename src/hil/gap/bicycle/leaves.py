@@ -27,7 +27,9 @@ LATENCY_S: Final = 0.0015
 STIFF_FORK: Final = (6e3, 2e4, 6e4)
 """N/m: a mountain bicycle's fork to a road bicycle's."""
 STIFF_TYRE: Final = (5e4, 1e5, 2e5)
-DELAYS_S: Final = (-0.02, 0.005, 0.01, 0.02, 0.04, 0.08)
+DELAYS_S: Final = (0.005, 0.01, 0.02, 0.04, 0.08)
+RATES: Final = (3e-4, 1e-3, 3e-3, 6e-3)
+"""Of a clock, s/s: over a ride even small ones move signals by more than any linear picture holds."""
 
 
 def ride_nuisances(rig: BicycleFile, problem: Problem) -> tuple[Nuisance, ...]:
@@ -75,7 +77,8 @@ def ride_leaves(problem: Problem, without: Collection[str] = ()) -> list[Leaf]:
         out.append(_leaf("sensor_scale", "imu", ("scale",), [({"scale": 1.02},)]))
         turns: tuple[Changes, ...] = tuple({c: 0.02} for c in "xyz")
         out.append(_leaf("sensor_misalignment", "imu", ("x", "y", "z"), [turns]))
-        out.append(_leaf("clock_drift", "imu", ("rate",), [({"rate": 5e-4},)]))
+        drifts: list[tuple[Changes, ...]] = [({"rate": w * r},) for r in RATES for w in (1.0, -1.0)]
+        out.append(_leaf("clock_drift", "imu", ("rate",), drifts))
     return [leaf for leaf in out if leaf.effect not in without]
 
 

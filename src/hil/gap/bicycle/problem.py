@@ -6,7 +6,7 @@ import os
 from collections.abc import Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,13 @@ from hil.gap.bicycle.twin import FREE_M_S, LEAN_TORQUE, RideTwin
 from hil.gap.leaves import Leaf
 from hil.gap.problem import Mask, Problem, Series
 from hil.rigs.bicycle import pack
-from hil.sim.parameters import ParameterTable
+from hil.sim.parameters import Parameter, ParameterTable
 
 Array = NDArray[np.float64]
+
+EARLY_S: Final = 0.005
+"""By which stamps may be early beyond the delays that the rig file takes off: three times what a healthy
+bicycle's clocks are apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +64,7 @@ class RideProblem(Problem):
         self.clocks = {}
         self.settle_s = 0.0
         self.table = ParameterTable(rig)
+        self.table.entries = tuple(_causal(p, rig) for p in self.table.entries)
         self.base: Array = self.table.from_effects(rig.effects)
         bicycle = pack(rig)
         self.twins: list[RideTwin] = []
@@ -145,6 +150,16 @@ class RideProblem(Problem):
         if not all(name.startswith("imu.") for name in group):
             return None
         return super()._own_samples(group)
+
+
+def _causal(p: Parameter, rig: BicycleFile) -> Parameter:
+    """`p`; a latency with the bound that no sensor answers before it is asked."""
+    if p.effect != "sensor_latency":
+        return p
+    known = rig.sensors.lean_delay if p.location == "lean" else 0.0
+    if p.location.startswith("imu") and rig.imu is not None:
+        known = rig.imu.delay + rig.imu.group_delay_s
+    return replace(p, lower=-(known + EARLY_S))
 
 
 def _flat(twin: RideTwin, values: dict[str, float]) -> Array:
