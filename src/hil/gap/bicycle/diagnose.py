@@ -9,20 +9,26 @@ from typing import Final
 import numpy as np
 
 from hil.config import BicycleFile
+from hil.gap.bank import fill_bank
 from hil.gap.bicycle.intervals import widened
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
 from hil.gap.bicycle.noise import tempered, with_tolerances
-from hil.gap.diagnose import STRAIN, as_found, explain
+from hil.gap.bicycle.sets import fit_sets
+from hil.gap.diagnose import STRAIN, as_found
 from hil.gap.diagnosis import Cause, Diagnosis
-from hil.gap.fit import Fit
-from hil.gap.frames import EFFECT as LOST
+from hil.gap.evidence import MORE
+from hil.gap.fit import Fit, calibrated, fit
 from hil.gap.heldout import Score, score, split, touched
+from hil.gap.leaves import find_leaves
 from hil.gap.noise import NoiseModel
 from hil.gap.nuisances import Nuisance
 from hil.gap.problem import Mask
+from hil.gap.residual import Refit
+from hil.gap.restrict import noise_of, part_of
 from hil.gap.result import Located
-from hil.gap.verdict import HOLDS, STANDS, judge
+from hil.gap.search import Search
+from hil.gap.verdict import HOLDS, STANDS, answer, judge
 from hil.runs import Run
 
 EXPLAINED: Final = 0.72
@@ -30,6 +36,9 @@ EXPLAINED: Final = 0.72
 SOFT: Final = 0.06
 LARGE: Final = 3.0
 """Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
+SEVERAL_HOLD: Final = 0.7
+"""Held-out shrink below which a set is withdrawn: with two effects much can be bent to fit what was seen [set
+on training cases]."""
 UNSAID: Final = 1.3
 """Floors, tolerances among them, from which on a signal is off although no candidate explains it: how well a
 record tells its own noise, twice over [set on training cases]."""
@@ -80,7 +89,7 @@ def _explained(
         counted = with_tolerances(replace(e, noise=noise), sd, np.random.default_rng(seed + 1))
         # A candidate's own pattern tells it from noise long before the whole residual does: all are weighed.
         asked = replace(located, is_gap=True, evidence=replace(e, noise=counted))
-        found = _by_energy(explain(asked, chosen, without=(*without, LOST), seed=seed, report=say))
+        found = _weighed(asked, chosen, without, seed, say)
         return found if found.verdict != "no_gap" else _unsaid(found, counted), counted
 
     found, counted = explained_with(e.noise)
@@ -91,6 +100,44 @@ def _explained(
         found, counted = explained_with(tempered(e.noise, e.problem, left, 1.0))
     held = ~split(e.problem, counted, e.residual).train(e.problem)
     return _on_floor(replace(found, located=located), held, seed)
+
+
+def _weighed(
+    located: Located,
+    chosen: Sequence[Nuisance],
+    without: Collection[str],
+    seed: int,
+    say: Callable[[str], None],
+) -> Diagnosis:
+    """As `hil.gap.diagnose.explain`, with the sets that rides ask for."""
+    e = located.evidence
+    parts = split(e.problem, e.noise, e.residual)
+    problem, rows = part_of(e.problem, parts)
+    noise = noise_of(e.noise, e.problem, problem, rows)
+    start = Refit(e.vector, e.residual[rows], e.jacobian[rows], ())
+    c = calibrated(problem, noise, chosen, start)
+    none = fit(c, (), {})
+    if none is None:
+        raise AssertionError("the calibrated twin stood a moment ago")
+    c = replace(c, vector=none.vector, residual=none.residual, white=none.white, z=none.z)
+    say("computing what each candidate would do")
+    leaves = find_leaves(problem, none.vector, none.residual, without)
+    bank = fill_bank(problem, none.vector, problem.measured - none.residual, leaves)
+    fits = fit_sets(c, none, Search(c, bank), leaves, say)
+    held = ~parts.train(e.problem)
+
+    def answered(some: Sequence[Fit]) -> Diagnosis:
+        return _by_energy(answer(located, c, [none, *some], bank, held, parts.text, seed))
+
+    found = answered(fits[1:])
+    if found.best is None or found.verdict != "unknown":
+        return found
+    # Something unknown beside an effect is no more likely than another effect: that costs no more then.
+    larger = [f for f in fits if len(f.leaves) > len(found.best.leaves)]
+    several = answered(larger) if larger else found
+    if several.effects and several.effects[0].gain + MORE > found.causes[0].gain:
+        return several
+    return found
 
 
 def _strained(located: Located, chosen: Sequence[Nuisance]) -> list[str]:
@@ -171,7 +218,7 @@ def _by_energy(found: Diagnosis) -> Diagnosis:
     unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
     unseen = found.score
     worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
-    if worth is not None and worth < HOLDS:
+    if worth is not None and worth < (HOLDS if len(best.leaves) == 1 else SEVERAL_HOLD):
         unknown = max(unknown, 0.9)  # unseen data do not bear it out
     factor = (1.0 - unknown) / max(1.0 - found.unknown, 1e-12)
     causes = tuple(replace(x, probability=x.probability * factor) for x in found.causes)

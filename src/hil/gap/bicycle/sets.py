@@ -1,0 +1,104 @@
+"""Candidates of a ride alone, in pairs and in threes.
+
+An effect of a ride often shows in the few seconds in which one pulls away or brakes, so that neither what is
+usual nor a share of the whole tells whether another effect acts beside it: what a set leaves above noise and
+tolerances does, in nats. Sets on the way need only be better than what they grew from. Those that are handed
+on are whole: each of their effects explains most of what the others leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+from hil.gap.fit import Calibrated, Fit, fit
+from hil.gap.leaves import Leaf
+from hil.gap.search import Proposal, Search
+from hil.gap.shares import above_noise, explained
+from hil.gap.starts import changes_of, relative
+
+Report = Callable[[str], None]
+
+SINGLES: Final = 5
+"""Candidates that are fitted alone."""
+FIRST: Final = 3
+WORTH: Final = 0.25
+"""Of the best linear gain, below which none but the FIRST candidates are fitted."""
+CHANCE: Final = 3.0
+"""Nats of the linear gain below which no candidate is worth a fit."""
+NATS: Final = 20.0
+"""What a set must leave for a further effect to be looked for, and what that must take: of the loss of fits,
+where samples count as if they were independent [set on training cases]."""
+PROMISE: Final = 0.15
+"""Of what the others leave, the least that a further effect takes in the linear picture."""
+HEADS: Final = ((3, 2, 2), (2, 2))
+"""Further effects tried beside each of the best singles, and of the best pairs."""
+ADDS: Final = 0.5
+"""Of what the others leave, the least that an effect of a whole set explains: less is how laws differ."""
+
+
+def fit_sets(
+    c: Calibrated, none: Fit, search: Search, leaves: Sequence[Leaf], say: Report
+) -> list[Fit]:
+    """`none`, then all fits that may be the answer."""
+    grown = _singles(c, search, leaves, say)
+    tried: dict[frozenset[str], Fit] = {_key(f): f for f in grown}
+    for counts in HEADS:
+        heads = sorted(grown, key=_cost_on(c))[: len(counts)]
+        grown = []
+        for head, count in zip(heads, counts, strict=False):
+            for p in _further(c, head, search, leaves)[:count]:
+                leaf = leaves[p.leaves[0]]
+                some = (*head.leaves, leaf)
+                key = frozenset(x.name for x in some)
+                start = search.felt(changes_of([leaf], p.starts, c.problem))
+                if key in tried or not start:
+                    continue
+                say("fitting " + " + ".join(x.name for x in some))
+                joint = fit(c, some, {**relative(c, head), **start}, p.z)
+                if joint is not None and _cost_on(c)(joint) < _cost_on(c)(head) - NATS:
+                    tried[key] = joint
+                    grown.append(joint)
+    return [none, *(f for f in tried.values() if _is_whole(c, f, list(tried.values())))]
+
+
+def _singles(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
+    proposals = search.alone()
+    least = max(WORTH * proposals[0].gain, CHANCE) if proposals else CHANCE
+    out = []
+    for k, p in enumerate(proposals[:SINGLES]):
+        leaf = leaves[p.leaves[0]]
+        start = search.felt(changes_of([leaf], p.starts, c.problem))
+        if p.gain < (CHANCE if k < FIRST else least) or not start:
+            continue
+        say(f"fitting {leaf.name} ({k + 1})")
+        found = fit(c, [leaf], start, p.z)
+        if found is not None:
+            out.append(found)
+    return out
+
+
+def _further(c: Calibrated, head: Fit, search: Search, leaves: Sequence[Leaf]) -> list[Proposal]:
+    """What could explain much of what `head` leaves, best first."""
+    left = above_noise(c, head)
+    if left < NATS:
+        return []
+    have = {x.name for x in head.leaves}
+    rest = Search(replace(c, z=head.z), search.bank, head.white).alone()
+    least = max(PROMISE * left, NATS)
+    return [p for p in rest if p.gain > least and leaves[p.leaves[0]].name not in have]
+
+
+def _is_whole(c: Calibrated, f: Fit, tried: Sequence[Fit]) -> bool:
+    """Whether each effect of a set explains most of what the others leave, as far as those were fitted."""
+    parts = [x for x in tried if _key(x) < _key(f)]
+    return all(explained(c, x, f) > ADDS for x in parts)
+
+
+def _key(f: Fit) -> frozenset[str]:
+    return frozenset(x.name for x in f.leaves)
+
+
+def _cost_on(c: Calibrated) -> Callable[[Fit], float]:
+    return lambda f: f.cost(c.train) + f.prior_cost
