@@ -15,7 +15,7 @@ from hil.gap.friction import FRICTION, PEAKED, PLAIN, is_itself, peaked
 from hil.gap.joint import LEFT, joint_fits
 from hil.gap.leaves import Leaf
 from hil.gap.search import Proposal, Search
-from hil.gap.shares import explained, largest_ratio
+from hil.gap.shares import explained, most_left
 from hil.gap.starts import changes_of
 
 Report = Callable[[str], None]
@@ -93,7 +93,7 @@ def _peaked_fits(
 ) -> list[Fit]:
     """Friction with a peak at rest for plain friction, where friction is best and leaves something."""
     ranked = sorted(fits, key=lambda f: f.cost(c.train) + f.prior_cost)
-    if not ranked or largest_ratio(c, ranked[0]) < LEFT:
+    if not ranked or most_left(c, ranked[0]) < LEFT:
         return []
     rubs = {x.location for x in ranked[0].leaves if x.effect in FRICTION}
     out = []

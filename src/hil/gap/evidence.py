@@ -26,12 +26,15 @@ RELATIVE: Final = 0.003
 """Of all that the best candidate explains: two that differ by less are no further apart than two laws of one
 effect, and no number of samples changes that [set on training cases of two worlds]."""
 SIMPLER: Final = 1.0
-"""Such units that each parameter must earn: of two laws that explain alike the one with fewer is meant more
-often, whatever small ways of the rig the other's freedom follows [set on training cases of two worlds]."""
+"""Such units that each parameter which these data determine must earn: of two laws that explain alike the one
+with fewer is meant more often, whatever small ways of the rig the other's freedom follows [set on training
+cases of two worlds]."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
 UNUSED: Final = 0.015
 """What a parameter costs at least, as a ratio: freedom that changes nothing is no reason to choose it."""
+TOLD: Final = 0.5
+"""Of its range, within which data must hold a parameter to have determined it."""
 MORE: Final = 12.0
 """Nats that each further effect must earn beyond its parameters."""
 ALIKE: Final = 0.5
@@ -69,7 +72,8 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], dict[str, 
     logs = likely + np.array(shared)
     real = np.array([bool(f.leaves) for f in fits])
     unit = max(1.0, RELATIVE * float(logs.max() - logs[~real].max()))
-    worth_of = np.where(real, logs / unit - SIMPLER * names, -np.inf if real.any() else 0.0)
+    told = np.array([np.sum(_felt(c, f, worth) < TOLD) for f in fits])
+    worth_of = np.where(real, logs / unit - SIMPLER * told, -np.inf if real.any() else 0.0)
     p = np.exp(worth_of - worth_of.max())
     p /= p.sum()
     order = np.argsort(-worth_of)
@@ -120,18 +124,26 @@ def log_likelihood(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
 
 def log_freedom(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
     """Nats that the freedom of a fit's parameters and of further effects costs."""
-    mean = float(np.mean(list(worth.values())))
-    total = 0.0
-    for name, sd in zip(f.names, f.search_sd, strict=True):
+    total = float(np.sum(np.log(np.clip(_felt(c, f, worth), 1e-12, UNUSED))))
+    for name, value in zip(f.names, f.values.tolist(), strict=True):
         p = c.problem.table[name]
-        at = p.to_search(float(f.values[f.names.index(name)]))
-        free = RANGE * step_size(p, at)
-        spread = np.sqrt(2.0 * np.pi) * sd * np.sqrt(TEMPER * mean)
-        total += float(np.log(np.clip(spread / free, 1e-12, UNUSED)))
+        at = p.to_search(value)
         away = at - p.to_search(p.neutral)
         if p.parameter not in ABSOLUTE and np.isfinite(away):
-            total -= 0.5 * float(away / free) ** 2
+            total -= 0.5 * float(away / (RANGE * step_size(p, at))) ** 2
     return total - MORE * max(len(f.leaves) - 1, 0)
+
+
+def _felt(c: Calibrated, f: Fit, worth: dict[str, float]) -> Array:
+    """Of each parameter, the width that data leave it over the range that it had."""
+    mean = float(np.mean(list(worth.values())))
+    spread = np.sqrt(2.0 * np.pi) * f.search_sd * np.sqrt(TEMPER * mean)
+    entries = [c.problem.table[name] for name in f.names]
+    free = [
+        RANGE * step_size(p, p.to_search(v))
+        for p, v in zip(entries, f.values.tolist(), strict=True)
+    ]
+    return np.asarray(spread / np.array(free))
 
 
 def distance(c: Calibrated, a: Fit, b: Fit) -> float:

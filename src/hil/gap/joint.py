@@ -13,7 +13,7 @@ from hil.gap.frames import fit_lost_frames
 from hil.gap.friction import is_itself, may_join
 from hil.gap.leaves import Leaf
 from hil.gap.search import Proposal, Search
-from hil.gap.shares import above_noise, explained, largest_ratio
+from hil.gap.shares import above_noise, explained, most_left
 from hil.gap.starts import changes_of, relative
 
 Report = Callable[[str], None]
@@ -30,7 +30,7 @@ NEARLY: Final = 0.7
 """Of what an effect of the best set explains alone, what another must to be tried in its place; and of its
 trace, by how much less the two must differ."""
 SWAPS: Final = 3
-ADDS: Final = 0.5
+ADDS: Final = 0.4
 """Of what the others leave, the least that a further effect must explain: less is how laws differ."""
 
 
@@ -48,7 +48,7 @@ def joint_fits(
     singles = sorted((f for f in fits[1:] if f.leaves[0].name in known), key=lambda f: _cost(c, f))
     heads = _unlike(c, singles)
     for _ in ("pairs", "triples"):
-        if not heads or largest_ratio(c, heads[0]) < LEFT:
+        if not heads or most_left(c, heads[0]) < LEFT:
             break
         new: list[Fit] = []
         for head, p in _proposed(c, heads, search, leaves):

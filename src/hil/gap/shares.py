@@ -30,6 +30,12 @@ def largest_ratio(c: Calibrated, f: Fit) -> float:
     return max(left[s] / floors[s] for s in left if floors[s] > 0.0)
 
 
+def most_left(c: Calibrated, f: Fit) -> float:
+    """Largest residual of a signal on training samples, in its floor: of the usual samples, or of all."""
+    left, floors = (c.noise.weighted_rms(c.problem, r) for r in (f.residual, c.noise.draws))
+    return max(largest_ratio(c, f), *(left[s] / floors[s] for s in left if floors[s] > 0.0))
+
+
 def explained(c: Calibrated, none: Fit, f: Fit) -> float:
     """Share of the gap above the floor that a fit takes away on training samples, 0..1.
 

@@ -31,6 +31,8 @@ explained by less than a third, a catalogue's effect of another law by more than
 of two worlds]."""
 SOFT: Final = 0.06
 """How gradually."""
+OTHERWISE: Final = 0.03
+"""Chance that even what is all explained is none of the catalogue."""
 SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
@@ -100,7 +102,7 @@ def answer(
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
     share = explained(c, none, first) if _other_than_steps(first) else 1.0
-    unknown = float(1.0 / (1.0 + np.exp((share - EXPLAINED) / SOFT)))
+    unknown = OTHERWISE + (1.0 - OTHERWISE) / float(1.0 + np.exp((share - EXPLAINED) / SOFT))
     if gain < CHANCE:
         unknown = max(unknown, 0.9)
     if unknown > 0.5 and not is_large:
