@@ -153,7 +153,10 @@ class RideProblem(Problem):
 
 
 def _causal(p: Parameter, rig: BicycleFile) -> Parameter:
-    """`p`; a latency with the bound that no sensor answers before it is asked."""
+    """`p`, a latency with the bound that no sensor answers before it is asked, a slip with the bound that no
+    wheel goes further than it rolls."""
+    if p.effect == "wheel_slip":
+        return replace(p, lower=0.0)
     if p.effect != "sensor_latency":
         return p
     known = rig.sensors.lean_delay if p.location == "lean" else 0.0

@@ -3,14 +3,18 @@
 An effect of a ride often shows in the few seconds in which one pulls away or brakes, so that neither what is
 usual nor a share of the whole tells whether another effect acts beside it: what a set leaves above noise and
 tolerances does, in nats. Sets on the way need only be better than what they grew from. Those that are handed
-on are whole: each of their effects explains most of what the others leave.
+on are whole: each of their effects explains most of what the others leave. Each effect of the catalogue is as
+likely as another, and each of its places: where two answer alike, that decides.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
+
+import numpy as np
 
 from hil.gap.fit import Calibrated, Fit, fit
 from hil.gap.leaves import Leaf
@@ -34,6 +38,10 @@ PROMISE: Final = 0.15
 """Of what the others leave, the least that a further effect takes in the linear picture."""
 HEADS: Final = ((3, 2, 2), (2, 2))
 """Further effects tried beside each of the best singles, and of the best pairs."""
+DISTANCE: Final = (
+    "rear_wheel.wheel_radius", "rear_wheel.wheel_slip", "rear_wheel.sensor_scale"
+)  # fmt: skip
+"""All scale the way that is ridden: where one is weighed, all are."""
 ADDS: Final = 0.5
 """Of what the others leave, the least that an effect of a whole set explains: less is how laws differ."""
 
@@ -42,7 +50,7 @@ def fit_sets(
     c: Calibrated, none: Fit, search: Search, leaves: Sequence[Leaf], say: Report
 ) -> list[Fit]:
     """`none`, then all fits that may be the answer."""
-    grown = _singles(c, search, leaves, say)
+    alone = grown = _singles(c, search, leaves, say)
     tried: dict[frozenset[str], Fit] = {_key(f): f for f in grown}
     for counts in HEADS:
         heads = sorted(grown, key=_cost_on(c))[: len(counts)]
@@ -60,22 +68,49 @@ def fit_sets(
                 if joint is not None and _cost_on(c)(joint) < _cost_on(c)(head) - NATS:
                     tried[key] = joint
                     grown.append(joint)
-    return [none, *(f for f in tried.values() if _is_whole(c, f, list(tried.values())))]
+    for f in _exchanged(c, alone, list(tried.values()), say):
+        tried.setdefault(_key(f), f)
+    whole = [f for f in tried.values() if _is_whole(c, f, list(tried.values()))]
+    places = Counter(x.effect for x in leaves)
+    rare = [float(sum(np.log(places[x.effect]) for x in f.leaves)) for f in whole]
+    return [none, *(replace(f, extra_cost=cost) for f, cost in zip(whole, rare, strict=True))]
 
 
 def _singles(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
     proposals = search.alone()
     least = max(WORTH * proposals[0].gain, CHANCE) if proposals else CHANCE
+    able = [p for k, p in enumerate(proposals) if p.gain >= (CHANCE if k < FIRST else least)]
+    some = able[:SINGLES]
+    if any(leaves[p.leaves[0]].name in DISTANCE for p in some):
+        some += [p for p in able[SINGLES:] if leaves[p.leaves[0]].name in DISTANCE]
     out = []
-    for k, p in enumerate(proposals[:SINGLES]):
+    for k, p in enumerate(some):
         leaf = leaves[p.leaves[0]]
         start = search.felt(changes_of([leaf], p.starts, c.problem))
-        if p.gain < (CHANCE if k < FIRST else least) or not start:
+        if not start:
             continue
         say(f"fitting {leaf.name} ({k + 1})")
         found = fit(c, [leaf], start, p.z)
         if found is not None:
             out.append(found)
+    return out
+
+
+def _exchanged(c: Calibrated, alone: Sequence[Fit], tried: Sequence[Fit], say: Report) -> list[Fit]:
+    """The best set with each of DISTANCE in the place of another: no ride tells them apart."""
+    best = min((f for f in tried if len(f.leaves) > 1), key=_cost_on(c), default=None)
+    if best is None:
+        return []
+    out = []
+    for leaf in (x for x in best.leaves if x.name in DISTANCE):
+        kept = {n: v for n, v in relative(c, best).items() if n not in leaf.parameters}
+        others = [x for x in best.leaves if x is not leaf]
+        for x in (f for f in alone if f.leaves[0].name in DISTANCE and f.leaves[0] is not leaf):
+            some = (*others, *x.leaves)
+            say("fitting " + " + ".join(y.name for y in some))
+            joint = fit(c, some, kept | relative(c, x), best.z)
+            if joint is not None:
+                out.append(joint)
     return out
 
 
