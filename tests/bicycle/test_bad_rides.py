@@ -96,6 +96,16 @@ def test_saturation_is_told_with_its_time(round_trip):
     assert "20.0 degrees" in found[0].text
 
 
+def test_an_inclinometer_that_ends_before_its_range_is_told(round_trip):
+    def spoil(table):
+        table["lean"] = table["lean"].clip(-0.12, 0.12)
+        return table
+
+    found = [f for f in check_ride(ride_of(round_trip, spoil)) if f.check == "saturation"]
+    assert {f.subject for f in found} == {"lean"}
+    assert any("stand at 0.12" in f.text or "stand at -0.12" in f.text for f in found)
+
+
 def test_a_gap_is_told_with_its_length(round_trip):
     def spoil(table):
         hole = (table["t"] > 12.0) & (table["t"] < 12.4)

@@ -31,9 +31,14 @@ APART: Final = 0.15
 """By which another channel must follow better than the one that bears the name."""
 MOVES: Final = {"gyro": 0.05, "accel": 0.2}
 """Spread of the model's signal from which its sensor must follow."""
+MOVING_M_S: Final = 1.0
+SHORT_OF: Final = 0.02
+"""rad: of the inclinometer's zero and its steps, by which what stands at its range may miss it."""
 STUCK: Final = 1e-9
 PINNED: Final = 5
 """Samples in a row at a sensor's extreme: it can say no more."""
+PINNED_S: Final = 0.3
+"""As much of an inclinometer, which filters inside and stands still for moments."""
 
 
 def check_channels(ride: Ride, told: Smooth) -> list[Finding]:
@@ -41,11 +46,20 @@ def check_channels(ride: Ride, told: Smooth) -> list[Finding]:
     out = _wheel(ride, told) + _dead(ride) + _elsewhere(ride)
     if not out:
         out = _imu(ride, told)
+    out += _pinned("lean", *_ridden_lean(ride, told), ride, round(PINNED_S / ride.dt_s))
     told_of: set[float] = set()
     for signal, (t, values) in ride.imu.items():
         out += _pinned(signal, values, t, ride)
         out += _holes(signal, t, told_of)
     return out
+
+
+def _ridden_lean(ride: Ride, told: Smooth) -> tuple[Array, Array]:
+    """Lean and instants while the bicycle moves, short of the range that its file has: that is told of
+    already."""
+    rows = ride.rig.geometry.R * np.abs(told.rate[:, 1]) > MOVING_M_S
+    rows &= np.abs(ride.angles[:, 0]) < ride.rig.sensors.lean_range - SHORT_OF
+    return ride.angles[rows, 0], ride.t_s[rows]
 
 
 def _wheel(ride: Ride, told: Smooth) -> list[Finding]:
@@ -178,8 +192,10 @@ def _together(a: Array, b: Array) -> float:
     return float(a @ b) / size if size else 0.0
 
 
-def _pinned(signal: str, values: Array, t: Array, ride: Ride) -> list[Finding]:
+def _pinned(signal: str, values: Array, t: Array, ride: Ride, least: int = PINNED) -> list[Finding]:
     """Runs of samples that stand at the largest or smallest value."""
+    if not values.size:
+        return []
     _, step = noise_of(signal, ride.rig)
     out = []
     for end in (float(values.max()), float(values.min())):
@@ -189,7 +205,7 @@ def _pinned(signal: str, values: Array, t: Array, ride: Ride) -> list[Finding]:
             run = run + 1 if hit else 0
             if run > longest:
                 longest, start = run, k - run + 1
-        if longest >= PINNED and np.ptp(values) > 10.0 * step:
+        if longest >= least and np.ptp(values) > 10.0 * step:
             text = (
                 f"{int(at.sum())} samples stand at {end:.4g}, {longest} in a row at {t[start]:.2f} s: "
                 "the sensor's range is smaller than the ride"
