@@ -49,10 +49,17 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     parser.add_argument("--plots", type=Path, metavar="FOLDER", help="write plots there (tracking)")
     parser.add_argument(
-        "--save", type=Path, metavar="FILE", help="keep rows there, and go on from there (cia402)"
+        "--save",
+        type=Path,
+        metavar="FILE",
+        help="keep rows there, go on from there (cia402, interval_coverage)",
     )
     parser.add_argument(
-        "--parts", nargs="+", default=(), metavar="PART", help="only these rows (cia402): real-1000"
+        "--parts",
+        nargs="+",
+        default=(),
+        metavar="PART",
+        help="only these rows (the same): real-1000, stewart",
     )
     given = parser.parse_args()
     if unknown := set(given.names) - set(NAMES):

@@ -132,6 +132,7 @@ def identification_of(
         f"{n} stands at its bound: the model lacks something, or the data" for n in best.at_bound
     ]
     notes += _left_over(problem, best)
+    notes += _contradictions(best)
     analysis = analyse(problem.names, best.covariance, problem.scale)
     reasons = _gauge_reasons(problem, best)
     if reasons:
@@ -155,7 +156,7 @@ def identification_of(
 
 
 def _left_over(problem: TwinProblem, best: OutputErrorFit) -> list[str]:
-    """A warning where residuals are far from noise: intervals know of noise, not of what a model lacks."""
+    """A warning where residuals are far from noise: what a model lacks may shift all signals alike."""
     times: dict[str, float] = {}
     for name, part in problem.signals:
         rms = float(np.sqrt(np.mean(best.residual[part] ** 2)))
@@ -167,9 +168,21 @@ def _left_over(problem: TwinProblem, best: OutputErrorFit) -> list[str]:
     return [
         f"the twin leaves up to {far[worst]:.0f} times the rig file's sensor noise ({worst}; "
         f"{len(far)} of {len(times)} signals above {LACKING:g}): something is not modelled, or the "
-        "setpoints' stamps are not when they got through. The intervals know of noise alone: "
-        "compare with --method iv"
+        "setpoints' stamps are not when they got through. The intervals reckon with what the residuals show, "
+        "not with a parameter that is wrong throughout: compare with --method iv"
     ]
+
+
+def _contradictions(best: OutputErrorFit) -> list[str]:
+    """What kinds of signal say apart, where the twin cannot follow them all with one value."""
+    out = []
+    for name, said in best.torn.items():
+        each = ", ".join(f"{value:.4g} by {kind} alone" for kind, value in said.items())
+        out.append(
+            f"{name}: the signals contradict each other ({each}), so the model lacks something; the interval "
+            "is as wide as that. Take the signals you trust (--signals)"
+        )
+    return out
 
 
 def force_scale_deviation(problem: TwinProblem, best: OutputErrorFit) -> float:

@@ -1,13 +1,13 @@
 """Least squares through the twin, with residuals made white, and the profile of any one parameter.
 
 Each signal's residuals are divided by their own spread and run through the inverse of their own
-autoregression (Cochrane and Orcutt), so that what is minimised is nearly independent and the information
-matrix gives intervals that hold (Ljung, System Identification, ch. 9) [M].
+autoregression (Cochrane and Orcutt), so that what is minimised is nearly independent where the model is
+right (Ljung, System Identification, ch. 9) [M]; `robust` sees to intervals that hold where it is not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,13 +17,15 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from hil.errors import IdentificationError
+from hil.identify.estimate.robust import contradictions, sandwich
 from hil.identify.estimate.twinproblem import TwinProblem
 
 Array = NDArray[np.float64]
 ORDER: Final = 8
 """Most terms of a residual's autoregression."""
-ROUNDS: Final = 2
-"""Fits, each with the noise model of the one before."""
+DETERIORATES: Final = 1.2
+"""Where whitening makes any signal's residual so much larger, what it whitened was no noise but something
+that the model lacks, and whitening gave the say to where that is worst: residuals count as they are [R]."""
 STEPS: Final = 8
 SHARES: Final = (1.0, 0.5, 0.2, 0.05)
 """Parts of a Gauss-Newton step that are tried side by side."""
@@ -59,6 +61,8 @@ class OutputErrorFit:
     jacobian: Array
     """(N, P) sensitivities, whitened."""
     at_bound: tuple[str, ...]
+    torn: Mapping[str, Mapping[str, float]]
+    """By parameter of which kinds of signal contradict each other: what each kind says for itself."""
 
     @property
     def cost(self) -> float:
@@ -75,12 +79,27 @@ def fit(problem: TwinProblem, start: Array | None = None) -> OutputErrorFit:
     """Fit from `start` (default: the rig file). IdentificationError where the twin cannot follow the data."""
     lower, upper = problem.bounds
     values = np.clip(problem.start if start is None else start, lower, upper)
-    noise = _first_noise(problem)
-    for _ in range(ROUNDS):
-        values = _minimise(problem, values, noise)
-        residual = _residual(problem, values)
-        noise = noise_of(problem, residual)
-    return at(problem, values, noise)
+    first = _minimise(problem, values, _first_noise(problem))
+    residual = _residual(problem, first)
+    noise = noise_of(problem, residual)
+    values = _minimise(problem, first, noise)
+    white = _residual(problem, values)
+    spread, own = _spreads(problem, white), _spreads(problem, residual)
+    if np.any(spread > DETERIORATES * own):
+        plain = noise_of(problem, residual, 0)
+        values = _minimise(problem, first, plain)
+        return at(problem, values, noise_of(problem, _residual(problem, values), 0))
+    return at(problem, values, noise_of(problem, white))
+
+
+def _spreads(problem: TwinProblem, residual: Array) -> Array:
+    """Root mean square of each signal's residual, not below its noise."""
+    return np.array(
+        [
+            max(float(np.sqrt(np.mean(residual[part] ** 2))), expected_noise(problem, name))
+            for name, part in problem.signals
+        ]
+    )
 
 
 def at(problem: TwinProblem, values: Array, noise: NoiseModel) -> OutputErrorFit:
@@ -90,29 +109,28 @@ def at(problem: TwinProblem, values: Array, noise: NoiseModel) -> OutputErrorFit
     white = noise.whiten(problem, residual)
     slopes = noise.whiten(problem, problem.jacobian(values))
     scale = problem.scale
-    covariance = covariance_of(slopes * scale, white) * np.outer(scale, scale)
+    covariance = sandwich(slopes * scale, white, problem.times_s)
+    more, found = contradictions(slopes * scale, white, problem.times_s, problem.kinds)
+    covariance = (covariance + np.diag(more)) * np.outer(scale, scale)
+    torn = {
+        problem.names[c.parameter]: {
+            kind: float(values[c.parameter] + scale[c.parameter] * step)
+            for kind, step in c.steps.items()
+        }
+        for c in found
+    }
     near = (np.abs(values - lower) < 1e-6 * scale) | (np.abs(values - upper) < 1e-6 * scale)
     stuck = tuple(n for n, x in zip(problem.names, near, strict=True) if x)
-    return OutputErrorFit(values, covariance, residual, noise, white, slopes, stuck)
+    return OutputErrorFit(values, covariance, residual, noise, white, slopes, stuck, torn)
 
 
-def covariance_of(slopes: Array, white: Array) -> Array:
-    """Covariance (P, P) of a least-squares point; directions that nothing depends on get 1e16."""
-    _, s, Vt = np.linalg.svd(slopes, full_matrices=False)
-    seen = s > 1e-7 * max(s[0], 1e-300)
-    variance = float(white @ white) / max(len(white) - int(seen.sum()), 1)
-    covariance: Array = (Vt[seen].T / s[seen] ** 2) @ Vt[seen] * variance
-    covariance += 1e16 * Vt[~seen].T @ Vt[~seen]
-    return covariance
-
-
-def noise_of(problem: TwinProblem, residual: Array) -> NoiseModel:
+def noise_of(problem: TwinProblem, residual: Array, most_terms: int = ORDER) -> NoiseModel:
     """Spread and autoregression of residuals; terms are kept while they are clear of chance."""
     sigmas, terms = [], []
     for name, part in problem.signals:
         e = residual[part]
         sigma = max(float(np.sqrt(np.mean(e**2))), 0.1 * expected_noise(problem, name))
-        order = min(ORDER, len(e) // 20)
+        order = min(most_terms, len(e) // 20)
         ar = np.empty(0)
         if order:
             r = np.array([e[k:] @ e[: len(e) - k] for k in range(order + 1)]) / len(e)

@@ -25,6 +25,8 @@ from hil.sim.twin import Twin
 Array = NDArray[np.float64]
 STEP = 0.02
 """Of a number's scale, for differences."""
+APART_S = 10.0
+"""Between two stretches in `TwinProblem.times_s`: nothing correlates across."""
 
 
 class TwinProblem:
@@ -47,8 +49,8 @@ class TwinProblem:
             raise ConfigError(f"{rig.name}: name each parameter to fit once, at least one")
         self._jobs = []
         self.signals: list[tuple[str, slice]] = []
-        measured = []
-        size = 0
+        measured, times = [], []
+        size, after_s = 0, 0.0
         for piece in pieces:
             signals = [s for s in piece.samples if _wanted(s, quantities)]
             if not signals:
@@ -61,8 +63,22 @@ class TwinProblem:
                 part = job.slices[s]
                 self.signals.append((s, slice(size + part.start, size + part.stop)))
                 measured.append(piece.samples[s][1])
+                times.append(piece.samples[s][0] - piece.span_s[0] + after_s)
             size += job.size
+            after_s += piece.span_s[1] - piece.span_s[0] + APART_S
         self.measured: Array = np.concatenate(measured)
+        self.times_s: Array = np.concatenate(times)
+        """(N,) instants, stretch after stretch, `APART_S` apart."""
+
+    @property
+    def kinds(self) -> dict[str, NDArray[np.bool_]]:
+        """By kind of signal ("position", "imu"): (N,) which samples are of it."""
+        found: dict[str, NDArray[np.bool_]] = {}
+        for name, part in self.signals:
+            place, _, quantity = name.rpartition(".")
+            kind = "imu" if place == "imu" else quantity
+            found.setdefault(kind, np.zeros(len(self.measured), dtype=bool))[part] = True
+        return found
 
     @property
     def start(self) -> Array:
