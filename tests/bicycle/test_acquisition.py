@@ -26,6 +26,7 @@ from hil.drives.bicycle_nodes import (
     encode_wheel,
 )
 from hil.drives.imu_node import encode as encode_imu
+from hil.errors import BusError
 from hil.frames import Frame, StampedFrame
 from hil.runs import load_run
 
@@ -219,3 +220,27 @@ def test_over_a_real_bus_with_real_clocks(weaving, tmp_path):
     for signal in ("lean", "rear_wheel", "steer", "imu.gyro_z"):
         assert run.table[signal].notna().sum() == short[signal].notna().sum()
     assert (acquisition.paths[0] / "can.log").stat().st_size > 1000
+
+
+def test_a_bus_that_goes_away_ends_the_run_and_is_its_reason(weaving, tmp_path):
+    async def go(acquisition):
+        url = f"hub:{tmp_path}/bus.sock"
+        async with Hub(tmp_path / "bus.sock", 500_000):
+            port = open_port(url, bitrate_bps=500_000)
+            recording = asyncio.create_task(
+                acquire(acquisition, port, time.monotonic, None, wait=True)
+            )
+            with contextlib.closing(open_port(url, bitrate_bps=500_000)) as nodes:
+                nodes.send(encode_button(weaving.rig.sensors.base_id, Button.START))
+                for k in range(5):
+                    lean = encode_lean(weaving.rig.sensors.base_id, 0.1, k, saturated=False)
+                    nodes.send(lean)
+                    await asyncio.sleep(0.05)
+        with contextlib.closing(port):
+            await recording
+
+    acquisition = Acquisition(weaving.rig, tmp_path / "runs", lambda told: None, live=False)
+    with pytest.raises(BusError, match="closed"):
+        asyncio.run(go(acquisition))
+    run = load_run(acquisition.paths[0])
+    assert run.meta.recording.end_reason.startswith("the bus failed: ")

@@ -156,6 +156,7 @@ async def acquire(
         while seconds is None or clock() - begun_s < seconds:
             done, _ = await asyncio.wait([failed], timeout=0.1)
             if done:
+                reason = f"the bus failed: {failed.exception()}"
                 failed.result()
             acquisition.on_time(clock())
         reason = f"{seconds:g} s were over"

@@ -87,10 +87,12 @@ def record_command(
             await acquire(acquisition, port, time.monotonic, seconds, wait=wait)
 
     port = open_port(url, bitrate_bps=bicycle.can.bitrate)
-    with contextlib.closing(port), contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(serve(port))
-    for path in acquisition.paths:
-        out.print(str(path), markup=False, soft_wrap=True)
+    try:
+        with contextlib.closing(port), contextlib.suppress(KeyboardInterrupt):
+            asyncio.run(serve(port))
+    finally:  # a bus that goes away in the middle takes no run with it
+        for path in acquisition.paths:
+            out.print(str(path), markup=False, soft_wrap=True)
 
 
 def nodes_command(
@@ -199,9 +201,9 @@ def _line(s: LiveState) -> str:
     up = s.imu_off.get("accel_z")
     beside = ""
     if pitch is not None and up is not None:
-        beside = f", IMU off {pitch:+.3f} rad/s pitch {up:+.2f} m/s² up"
+        beside = f", IMU off by {pitch:+.3f} rad/s in pitch, {up:+.2f} m/s² upward"
     return (
         f"x {s.x:7.2f} y {s.y:7.2f} m, {s.speed:5.2f} m/s, lean {s.lean:+.3f} steer {s.steer:+.3f} rad, "
-        f"torque {s.drive_torque:+6.1f} drive {s.steer_torque:+5.2f} steer N·m, "
+        f"drive {s.drive_torque:+6.1f} N·m, steer {s.steer_torque:+5.2f} N·m, "
         f"front {s.normal_front:4.0f} N{beside}"
     )
