@@ -11,9 +11,10 @@ from hil.configfile import load_rig
 from hil.errors import IdentificationError
 from hil.identify.frequency.channels import Posed, Sampled, channel
 from hil.identify.frequency.frf import analyse
+from hil.identify.frequency.in_step import in_step
 from hil.identify.frequency.known import command_response, drives_response
 from hil.rigs import build_rig
-from tests.identify.frequency_data import AXIS, Multisine, analytic, axis_run, irregular
+from tests.identify.frequency_data import AXIS, Multisine, analytic, axis_run, irregular, sampled
 
 LINES = np.array([1, 3, 5, 9, 13, 17])
 ACTUATOR = AXIS.actuator_names[0]
@@ -160,3 +161,23 @@ def test_slow_cues_pass_the_daemon_unchanged():
     grid = 0.01 * np.arange(500)
     g = command_response(rig, "heave", np.array([0.05, 0.5]), grid, grid + 0.003)
     assert g == pytest.approx(np.ones(2), abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "setpoints_hz", "is_in_step"),
+    [
+        (200.0, 100.0, True),
+        (100.0, 100.0, True),
+        (150.0, 100.0, True),  # every third push of one is every second of the other
+        (200.0, 1000.0, True),
+        (225.0, 100.0, False),
+        (190.0, 100.0, False),
+        (1000.0, 100.0, False),  # what pushes there are at 1 kHz is little
+    ],
+)
+def test_an_imu_in_step_with_the_setpoints_is_warned_of(rate_hz, setpoints_hz, is_in_step):
+    bus = AXIS.bus.model_copy(update={"cycle": 1.0 / setpoints_hz})
+    t = np.arange(0.0, 2.0, 1.0 / rate_hz)
+    notes = in_step(AXIS.model_copy(update={"bus": bus}), sampled("imu.accel_x", t, 0.0 * t))
+    assert bool(notes) is is_in_step
+    assert in_step(AXIS, sampled("axis.position", t, 0.0 * t)) == ()

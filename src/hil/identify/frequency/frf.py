@@ -19,6 +19,7 @@ from hil.config import RigFile
 from hil.errors import IdentificationError
 from hil.identify.frequency.bla import Distortion, best_linear, distortion, merge_repeats
 from hil.identify.frequency.channels import Channel, Posed, Sampled, channel, shift_s
+from hil.identify.frequency.in_step import in_step
 from hil.identify.frequency.known import command_response, drives_response
 from hil.identify.frequency.local_polynomial import local_response
 from hil.identify.frequency.parametric import SecondOrderFit, fit_second_order
@@ -144,7 +145,7 @@ def analyse(
         found.distortion,
         links,
         fits,
-        (*found.response.notes, *found.notes, *held, *notes),
+        (*found.response.notes, *found.notes, *held, *in_step(rig, records[0].output), *notes),
     )
 
 
