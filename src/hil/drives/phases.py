@@ -14,10 +14,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Final, Generic, Literal, Protocol, TypeVar
+from typing import Final, Generic, Literal, TypeVar
 
 from hil.drives.driver import DrivePhase, PowerGoal
+from hil.drives.fault_reset import FaultReset
+from hil.drives.phase_inputs import PhaseSettings, Preparation, Reported
 from hil.drives.power import FAULTED, PREPARED, PowerCommand, PowerState
 from hil.signals import Event
 
@@ -26,72 +27,7 @@ ERROR_LENGTH: Final = 400
 _MAY_ENABLE: Final = (DrivePhase.READY, DrivePhase.ENABLED)
 
 
-class Reported(Protocol):
-    """What a drive's status says, whatever the family."""
-
-    @property
-    def power(self) -> PowerState:
-        """State of its power stage."""
-
-    @property
-    def enpo(self) -> bool:
-        """Its hardware enable is there."""
-
-    @property
-    def referenced(self) -> bool:
-        """Its position counts from the rig file's zero."""
-
-
 S = TypeVar("S", bound=Reported)
-
-
-class Preparation(Protocol):
-    """What is written to a drive and read back before it may be enabled."""
-
-    failure: str | None
-    failure_name: str
-    """Stable name of the failure."""
-    notes: list[str]
-
-    @property
-    def done(self) -> bool:
-        """All of it is verified."""
-
-    @property
-    def watchdog_ok(self) -> bool:
-        """The drive's own watchdog is verified."""
-
-    def restart(self) -> None:
-        """Nothing is verified any more."""
-
-
-@dataclass(frozen=True, slots=True)
-class PhaseSettings:
-    """A family's times, s, and words."""
-
-    repeat_s: float
-    """A sign of a fresh start within this after the last one means nothing new."""
-    status_timeout_s: float
-    enable_timeout_s: float
-    reset_hold_s: float
-    absolute: bool
-    """Its encoder knows the rig file's zero."""
-    absent: str
-    """What to say of a drive that was not heard."""
-    unstarted: str
-    """What to say of a configured drive that was not started."""
-    enable_input: str
-    """Name of its hardware enable."""
-    tells_unstarted: bool
-    """It sends its status before it is started."""
-
-
-@dataclass(slots=True)
-class _Resetting:
-    """A reset under way."""
-
-    since_s: float
-    edge_s: float | None = None
 
 
 class PhaseMachine(Generic[S]):
@@ -129,7 +65,7 @@ class PhaseMachine(Generic[S]):
         self._status_s = 0.0
         self._on_since_s: float | None = None
         self._enable_sent_s = -math.inf
-        self._resetting: _Resetting | None = None
+        self._reset: FaultReset | None = None
 
     # -- what happens --------------------------------------------------------------------------------
 
@@ -179,9 +115,9 @@ class PhaseMachine(Generic[S]):
         elif self._on_since_s is None and self._off_seen:
             self._on_since_s = now_s
         if goal is not PowerGoal.RESET or self.phase is not DrivePhase.FAULT:
-            self._resetting = None
-        elif self._resetting is None:
-            self._resetting = _Resetting(now_s)
+            self._reset = None
+        elif self._reset is None:
+            self._reset = FaultReset(now_s, self._settings.reset_hold_s)
 
     def absent(self, now_s: float) -> None:
         """Wait for its log-on, in silence."""
@@ -196,7 +132,7 @@ class PhaseMachine(Generic[S]):
                 self.error = f"{self.error}; {text}"
             return
         self.error = f"{self._who} {text}"
-        self._on_since_s = self._resetting = None
+        self._on_since_s = self._reset = None
         self._off_seen = False
         self._configuration.restart()
         self.phase = DrivePhase.FAULT
@@ -208,7 +144,7 @@ class PhaseMachine(Generic[S]):
     def command(self, now_s: float) -> PowerCommand:
         """The command of this slot. ENABLE comes from here alone, never before the watchdog is verified."""
         if self.phase is DrivePhase.FAULT:
-            return self._reset_command(now_s)
+            return PowerCommand.DISABLE if self._reset is None else self._reset.command(now_s)
         ready = self.phase in _MAY_ENABLE and self.started and self._configuration.watchdog_ok
         if ready and self._on_since_s is not None:
             self._enable_sent_s = now_s
@@ -247,7 +183,7 @@ class PhaseMachine(Generic[S]):
     @property
     def resetting(self) -> bool:
         """A fault is being reset."""
-        return self._resetting is not None
+        return self._reset is not None
 
     @property
     def referenced(self) -> bool:
@@ -322,26 +258,13 @@ class PhaseMachine(Generic[S]):
             return "drive_not_enabled", f"did not enable within {settings.enable_timeout_s:g} s"
         return None
 
-    def _reset_command(self, now_s: float) -> PowerCommand:
-        """Reset bit low, then high, and again: it has an edge whatever it was before."""
-        if self._resetting is None:
-            return PowerCommand.DISABLE
-        hold_s = self._settings.reset_hold_s
-        if (now_s - self._resetting.since_s) % (2.0 * hold_s) < hold_s:
-            return PowerCommand.DISABLE
-        if self._resetting.edge_s is None:
-            self._resetting.edge_s = now_s
-        return PowerCommand.RESET
-
     def _judge_reset(self, now_s: float) -> None:
-        if self._resetting is None:
+        if self._reset is None:
             return
         quiet_s = self._settings.status_timeout_s
         if self.muted or self.heard_s is None or now_s - self.heard_s > quiet_s:
             self.absent(now_s)
-            return
-        edge_s = self._resetting.edge_s
-        if edge_s is not None and self._status_s > edge_s and self.status.power not in FAULTED:
+        elif self._reset.is_answered(self._status_s) and self.status.power not in FAULTED:
             self._say(now_s, "info", "drive_reset", "is reset and is configured again")
             self._restart(now_s)
 
@@ -361,7 +284,7 @@ class PhaseMachine(Generic[S]):
         self._unanswered = set(self._quantities)
         self._spoken_to = self._off_seen = False
         self._status_s = now_s
-        self._on_since_s = self._resetting = None
+        self._on_since_s = self._reset = None
         self._enable_sent_s = -math.inf
 
     def _enter(self, now_s: float, phase: DrivePhase) -> None:

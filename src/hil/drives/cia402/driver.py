@@ -22,7 +22,8 @@ from hil.drives.cia402.targets import Targets
 from hil.drives.driver import DrivePhase, DriveStatus, PowerGoal
 from hil.drives.enquiry import Enquiry
 from hil.drives.meaning import SetpointKind
-from hil.drives.phases import PhaseMachine, PhaseSettings
+from hil.drives.phase_inputs import PhaseSettings
+from hil.drives.phases import PhaseMachine
 from hil.drives.power import PowerCommand, PowerState
 from hil.frames import Frame
 from hil.signals import Event, Sample

@@ -26,7 +26,8 @@ from hil.drives.lust_cdd3000.codec import (
 )
 from hil.drives.lust_cdd3000.scales import Scales, kind_of
 from hil.drives.meaning import SetpointKind
-from hil.drives.phases import PhaseMachine, PhaseSettings
+from hil.drives.phase_inputs import PhaseSettings
+from hil.drives.phases import PhaseMachine
 from hil.drives.power import PowerCommand, PowerState
 from hil.drives.profile import LustProfile
 from hil.errors import ProtocolError
