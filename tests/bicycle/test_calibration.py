@@ -113,3 +113,20 @@ def test_a_real_accelerometer_in_many_poses():
     assert residual < 0.002
     assert np.std(np.linalg.norm(no_cross, axis=1)) > 5.0 * residual
     assert np.all(sd < 1e-3)
+
+
+def test_a_steady_turn_is_no_pose_at_rest(round_trip):
+    def moving(table):
+        return table[(table["t"] > 3.0) & (table["t"] < 38.0)]
+
+    with pytest.raises(IdentificationError, match="never rests"):
+        calibrate([run_of(round_trip, moving)], round_trip.rig)
+
+
+def test_a_first_pose_on_its_side_is_refused(round_trip):
+    def on_its_side(table):
+        names = {"imu.accel_y": "imu.accel_z", "imu.accel_z": "imu.accel_y"}
+        return table[table["t"] < 1.3].rename(columns=names)
+
+    with pytest.raises(IdentificationError, match="must be upright"):
+        calibrate([run_of(round_trip, on_its_side)], round_trip.rig)

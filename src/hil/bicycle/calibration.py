@@ -29,6 +29,11 @@ Array = NDArray[np.float64]
 SHORTEST_S: Final = 1.0
 STILL_GYRO: Final = 3.0
 """Of the gyroscope's noise: a window that spreads by less is at rest."""
+ROLLED: Final = 3.0
+"""Steps of the wheel's encoder by which it may turn in a pose: a bicycle in a steady turn looks at rest to a
+gyroscope that is blamed for it."""
+UPRIGHT: Final = 0.35
+"""rad that the sensor may stand off what the file says: more, and it is another pose or another mounting."""
 NEW_POSE: Final = 0.2
 """rad between two gravity directions from which they are two poses."""
 BIAS_PRIOR, SCALE_PRIOR, CROSS_PRIOR = 0.3, 0.03, 0.02
@@ -83,8 +88,8 @@ def calibrate(runs: list[Run], rig: BicycleFile) -> Calibration:
     poses = [p for run in runs for p in _poses(run, rig)]
     if not poses:
         raise IdentificationError(
-            f"{', '.join(r.path.name for r in runs)}: the bicycle never rests for {SHORTEST_S:g} s: hold it "
-            "still and upright"
+            f"{', '.join(r.path.name for r in runs)}: the bicycle never rests for {SHORTEST_S:g} s, wheels "
+            "and all: hold it still and upright"
         )
     upright = poses[0]
     if abs(upright.lean) > 0.3 or abs(upright.steer) > 0.6:
@@ -106,6 +111,11 @@ def calibrate(runs: list[Run], rig: BicycleFile) -> Calibration:
         )
     down = straightened(upright.accel[None, :], found)[0]
     orientation, turned = _orientation(down, rig)
+    if turned > UPRIGHT:
+        raise IdentificationError(
+            f"{upright.name}: the sensor stands {np.rad2deg(turned):.0f} degrees off what the file says: the "
+            "first run must be upright; if it is, set imu.orientation to how the sensor is mounted"
+        )
     notes.append(
         f"the sensor stands {np.rad2deg(turned):.2f} degrees off what the file said; its turn about the "
         "vertical does not show at rest and is left as it was"
@@ -155,11 +165,28 @@ def _poses(run: Run, rig: BicycleFile) -> list[Pose]:
             part = slice(k * width, end * width)
             span = (float(t[part][0]), float(t[part][-1]))
             mean = values[part].mean(axis=0)
-            lean, steer = (_mean(run, s, *span) for s in ("lean", "steer"))
-            name = f"{run.path.name} at {span[0]:.1f} s"
-            out.append(Pose(name, *span, lean, steer, mean[:3], mean[3:], part.stop - part.start))
+            if not _rolls(run, rig, *span):
+                lean, steer = (_mean(run, s, *span) for s in ("lean", "steer"))
+                name = f"{run.path.name} at {span[0]:.1f} s"
+                size = part.stop - part.start
+                out.append(Pose(name, *span, lean, steer, mean[:3], mean[3:], size))
         k = max(end, k + 1)
     return out
+
+
+def _rolls(run: Run, rig: BicycleFile, start_s: float, end_s: float) -> bool:
+    """Whether the rear wheel turns in a stretch; where nobody measured it, it is believed to rest."""
+    if "rear_wheel" not in run.table:
+        return False
+    t = run.table["t"].to_numpy(dtype=float)
+    angle = run.table["rear_wheel"].to_numpy(dtype=float)
+    inside = angle[(t >= start_s) & (t <= end_s) & ~np.isnan(angle)]
+    return bool(inside.size and np.ptp(inside) > _rest(rig))
+
+
+def _rest(rig: BicycleFile) -> float:
+    """rad by which a wheel at rest seems to turn."""
+    return ROLLED * rig.noise.rear_wheel_step + 8.0 * rig.noise.rear_wheel
 
 
 def _mean(run: Run, signal: str, start_s: float, end_s: float) -> float:
