@@ -3,7 +3,8 @@
 A column is the change of the twin's answer when its parameters take their finite values: a finite step,
 because gaps and limits do nothing in the small. On rigs of many actuators one replay serves the same column
 of all of them, each judged by its own actuator's signals: what one leg's friction does to another leg is
-left to the fits that follow. Columns of sensors need no replay of their own.
+left to the fits that follow. Not so what puts the platform elsewhere: all signals show it. Columns of
+sensors need no replay of their own.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ Columns = NDArray[np.float32]
 
 TOGETHER_FROM: Final = 3
 """Actuators from which on one replay serves a column of all of them."""
+PLACING: Final = frozenset({"position_offset", "lead_error"})
+"""Effects that move the platform itself, which every signal shows."""
 AT_ONCE: Final = 16
 
 
@@ -65,7 +68,7 @@ def fill_bank(problem: Problem, vector: Array, base: Array, leaves: Sequence[Lea
     together = len(problem.rig.actuators) >= TOGETHER_FROM
     for w in replayed:
         own = _own_signal(problem, w)
-        shared = together and w.actuator is not None
+        shared = together and w.actuator is not None and w.key[0] not in PLACING
         groups.setdefault(w.key if shared or own is not None else w.column, []).append(w)
     rows = list(groups.values())
     for first in range(0, len(rows), AT_ONCE):

@@ -70,7 +70,7 @@ def weighed_causes(
     c: Calibrated,
     none: Fit,
     weighed: Sequence[Weighed],
-    worth: dict[str, float],
+    worth: float,
     unknown: float,
     zero: float,
     shown: Shown,
@@ -86,7 +86,6 @@ def weighed_causes(
             source.setdefault(leaf.name, w)
     heads = {n: source[n].fit if several or n not in singles else singles[n].fit for n in source}
     groups = _classes(c, heads)
-    mean_worth = float(np.mean(list(worth.values())))
     out = []
     for name, w in source.items():
         leaf = next(x for x in w.fit.leaves if x.name == name)
@@ -96,7 +95,7 @@ def weighed_causes(
         out.append(
             Cause(
                 leaf.effect, leaf.location, probability[name] * (1.0 - unknown), groups[name],
-                _parameters(c, w.fit, leaf, mean_worth), shrink, w.log_evidence - zero, w.fit,
+                _parameters(c, w.fit, leaf, worth), shrink, w.log_evidence - zero, w.fit,
             )
         )  # fmt: skip
     return tuple(sorted(out, key=lambda x: -x.probability))

@@ -8,7 +8,7 @@ set what one sample is worth. Fits whose answers differ by less than the floor s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -42,6 +42,8 @@ ALIKE: Final = 0.5
 SAME: Final = 0.15
 """Floors by which the answers of one effect under two names differ at most."""
 LONGEST_LAG: Final = 60
+LEAST: Final = 20
+"""Samples of a series from which on its residual tells anything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +55,25 @@ class Weighed:
     probability: float
 
 
-def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], dict[str, float]]:
-    """Every fit with its probability among them, best first; and by signal what a sample is divided by."""
+@dataclass(frozen=True, slots=True)
+class Temper:
+    """What the best fit leaves of one signal: how wide it is, whitened, and how many samples count as one."""
+
+    spread: float
+    samples: float
+
+    @property
+    def variance(self) -> float:
+        """By which an estimate from independent noise of spread 1 is too sure."""
+        return self.spread**2 * self.samples
+
+
+def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
+    """Every fit with its probability among them, best first; and what the variance of parameters is times."""
     best = min(fits, key=lambda f: f.cost(c.train) + f.prior_cost)
-    worth = temper(c, best)
-    likely = np.array([log_likelihood(c, f, worth) for f in fits])
+    tempers = temper(c, best)
+    worth = float(np.mean([t.variance for t in tempers.values()]))
+    likely = np.array([log_likelihood(c, f, tempers) for f in fits])
     freedom = np.array([log_freedom(c, f, worth) for f in fits])
     # Which of two that answer alike has the more usual size is no evidence: they share what freedom costs.
     order = np.argsort(-(likely + freedom))
@@ -80,21 +96,23 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], dict[str, 
     return [Weighed(fits[k], float(logs[k]), float(p[k])) for k in order], worth
 
 
-def temper(c: Calibrated, best: Fit) -> dict[str, float]:
-    """By signal, how many samples of the best fit's whitened residual count as one, TEMPER apart; >= 1."""
-    out: dict[str, float] = {}
+def temper(c: Calibrated, best: Fit) -> dict[str, Temper]:
+    """By signal, what the best fit leaves of it."""
+    out: dict[str, Temper] = {}
     for signal in c.problem.signals:
-        value, weight = 0.0, 0.0
-        for x in c.problem.series:
-            if x.signal != signal:
-                continue
-            w = best.white[x.part][c.train[x.part]]
-            if len(w) < 20:
-                continue
-            spread = float(1.4826 * np.median(np.abs(w)))
-            value += spread**2 * _correlation_time(np.clip(w, -2.5, 2.5)) * len(w)
-            weight += len(w)
-        out[signal] = max(value / weight, 1.0) if weight else 1.0
+        parts = [
+            best.white[x.part][c.train[x.part]] for x in c.problem.series if x.signal == signal
+        ]
+        long = [w for w in parts if len(w) >= LEAST]
+        size = np.array([len(w) for w in long])
+        if not long:
+            out[signal] = Temper(1.0, 1.0)
+            continue
+        spread = np.array([1.4826 * float(np.median(np.abs(w))) for w in long])
+        time = np.array([_correlation_time(np.clip(w, -2.5, 2.5)) for w in long])
+        wide = max(float(np.sqrt(np.average(spread**2, weights=size))), 1.0)
+        variance = max(float(np.average(spread**2 * time, weights=size)), 1.0)
+        out[signal] = Temper(wide, max(variance / wide**2, 1.0))
     return out
 
 
@@ -113,16 +131,20 @@ def _correlation_time(w: Array) -> float:
     return max(total, 1.0)
 
 
-def log_likelihood(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
-    """Nats of data, tempered, and of what the nuisances' priors say."""
+def log_likelihood(c: Calibrated, f: Fit, tempers: Mapping[str, Temper]) -> float:
+    """Nats of data, tempered, and of what the nuisances' priors say.
+
+    Student's distribution is as wide as what the best fit leaves: a narrower one would take all for wild.
+    """
     data = 0.0
     for x in c.problem.series:
+        t = tempers[x.signal]
         rows = c.train[x.part]
-        data += float(np.sum(loss(f.white[x.part][rows]))) / worth[x.signal]
+        data += float(np.sum(loss(f.white[x.part][rows] / t.spread))) / t.samples
     return -data / TEMPER - f.prior_cost - f.extra_cost
 
 
-def log_freedom(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
+def log_freedom(c: Calibrated, f: Fit, worth: float) -> float:
     """Nats that the freedom of a fit's parameters and of further effects costs."""
     total = float(np.sum(np.log(np.clip(_felt(c, f, worth), 1e-12, UNUSED))))
     for name, value in zip(f.names, f.values.tolist(), strict=True):
@@ -134,10 +156,9 @@ def log_freedom(c: Calibrated, f: Fit, worth: dict[str, float]) -> float:
     return total - MORE * max(len(f.leaves) - 1, 0)
 
 
-def _felt(c: Calibrated, f: Fit, worth: dict[str, float]) -> Array:
+def _felt(c: Calibrated, f: Fit, worth: float) -> Array:
     """Of each parameter, the width that data leave it over the range that it had."""
-    mean = float(np.mean(list(worth.values())))
-    spread = np.sqrt(2.0 * np.pi) * f.search_sd * np.sqrt(TEMPER * mean)
+    spread = np.sqrt(2.0 * np.pi) * f.search_sd * np.sqrt(TEMPER * worth)
     entries = [c.problem.table[name] for name in f.names]
     free = [
         RANGE * step_size(p, p.to_search(v))
