@@ -65,12 +65,15 @@ def diagnose_rides(
     located = locate_rides(loaded, rig, nuisances=nuisances, seed=seed)
     chosen = nuisances or list(ride_nuisances(rig, located.evidence.problem))
     found = _explained(located, chosen, without, seed, say)
-    if not found.causes and (far := _strained(located, chosen)):
+    if (found.effects or not found.causes) and (far := _strained(found, located, chosen)):
         say(f"once more without what no calibration sets right: {', '.join(far)}")
         fewer = [n for n in chosen if n.name.rpartition(".")[0] not in far]
         anew = locate_rides(loaded, rig, nuisances=fewer, seed=seed)
         named = _explained(anew, fewer, without, seed, say)
-        return named if named.effects else found
+        if {(x.effect, x.location) for x in named.effects} > {
+            (x.effect, x.location) for x in found.effects
+        }:
+            return named
     return found
 
 
@@ -140,16 +143,18 @@ def _weighed(
     return found
 
 
-def _strained(located: Located, chosen: Sequence[Nuisance]) -> list[str]:
-    """`location.effect` of each nuisance that had to go further than calibrations leave anything."""
-    mean = {n.name: n.mean for n in chosen}
-    return sorted(
-        {
-            f.name.rpartition(".")[0]
-            for f in located.nuisances
-            if f.at_bound or abs(f.change - mean[f.name]) > STRAIN * f.prior_sd
-        }
-    )
+def _strained(found: Diagnosis, located: Located, chosen: Sequence[Nuisance]) -> list[str]:
+    """`location.effect` of each nuisance that, beside what was found, went further than calibrations leave
+    anything."""
+    if found.best is not None and found.calibrated is not None:
+        own = {name for leaf in found.best.leaves for name in leaf.parameters}
+        names = [n.name for n in found.calibrated.nuisances]
+        far = dict(zip(names, np.abs(found.best.z).tolist(), strict=True))
+        far = {name: z for name, z in far.items() if name not in own}
+    else:
+        mean = {n.name: n.mean for n in chosen}
+        far = {f.name: abs(f.change - mean[f.name]) / f.prior_sd for f in located.nuisances}
+    return sorted({name.rpartition(".")[0] for name, z in far.items() if z > STRAIN})
 
 
 def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:

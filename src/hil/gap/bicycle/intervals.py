@@ -1,6 +1,7 @@
 """How far a cause's parameters may lie off the truth beyond what noise does to them.
 
-Two things that no curvature of a fit shows. A damping of fork or tyres hardly shows below 1.5 Hz: whatever
+What no curvature of a fit shows. A real spring stiffens as it goes in and a damper holds the rebound harder:
+linear ones that answer alike are others. A damping of fork or tyres hardly shows below 1.5 Hz: whatever
 changes no signal by a visible part of its floor is as likely. And what an effect is comes on top of what a
 healthy bicycle's calibration leaves anyway, which no record tells from it.
 """
@@ -18,6 +19,8 @@ from hil.gap.diagnosis import Cause, ParameterValue
 from hil.gap.fit import Calibrated
 
 SPRUNG: Final = ("front_suspension", "tyre_compliance")
+LAW: Final[Mapping[str, float]] = {"stiffness": 1.3, "damping": 1.8}
+"""Times or parts of a linear law that answers as a real one does [set on training cases]."""
 FACTORS: Final = (0.0, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 1.3, 1.7, 2.5, 4.0, 8.0)
 """Times the damping found."""
 ALIKE: Final = 0.5
@@ -39,8 +42,12 @@ def widened(cause: Cause, c: Calibrated) -> Cause:
         if more > 0.0:
             low = found.value - float(np.hypot(found.value - low, more))
             high = found.value + float(np.hypot(high - found.value, more))
-        if cause.effect in SPRUNG and name == "damping" and np.isfinite(found.value):
-            least, most = _unseen(cause, c, full)
+        if cause.effect in SPRUNG and np.isfinite(found.value):
+            law = LAW[name]
+            least, most = found.value / law, found.value * law
+            if name == "damping":
+                unseen = _unseen(cause, c, full)
+                least, most = min(least, unseen[0]), max(most, unseen[1])
             low, high = min(low, least), max(high, most)
         out[name] = replace(found, ci=(low, high))
     return replace(cause, parameters=out)
