@@ -13,6 +13,7 @@ from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import IdentificationError
 from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
+from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from tests.bicycle.rides import run_of
@@ -125,3 +126,39 @@ def test_a_ride_without_imu_cannot_be_judged(healthy):
     table = healthy.table[["t", "lean", "rear_wheel", "steer"]]
     with pytest.raises(IdentificationError, match="holds no IMU"):
         locate_rides([replace(healthy, table=table)], NOMINAL)
+
+
+@pytest.mark.parametrize(
+    ("effect", "location", "name", "value"),
+    [
+        ("sensor_bias", "imu.accel_x", "offset", -0.3),
+        ("clock_drift", "imu", "rate", -0.002),
+    ],
+)
+def test_what_no_calibration_sets_right_and_what_no_small_step_shows_is_named(
+    effect, location, name, value
+):
+    """A bias of seven times what calibrations leave hides in a nuisance at its bound; a clock that drifts is
+    late by more than any one column says."""
+    found = diagnose_rides([ridden(short(), 25, (effect, location, {name: value}))], NOMINAL)
+    assert [(x.effect, x.location) for x in found.effects] == [(effect, location)]
+    low, high = found.effects[0].parameters[name].ci
+    assert low < value < high
+    assert found.effects[0].parameters[name].value == pytest.approx(value, rel=0.2)
+
+
+def test_no_sensor_is_early_and_no_wheel_goes_further_than_it_rolls(healthy):
+    table = RideProblem(NOMINAL, [prepare(healthy, NOMINAL)]).table
+    assert NOMINAL.imu is not None
+    taken_off = NOMINAL.imu.delay + NOMINAL.imu.group_delay_s
+    assert table["lean.sensor_latency.delay"].lower == pytest.approx(-0.005)
+    assert table["imu.sensor_latency.delay"].lower == pytest.approx(-0.005 - taken_off)
+    assert table["rear_wheel.wheel_slip.coefficient"].lower == 0.0
+
+
+def test_an_interval_ends_where_another_damping_first_answers_otherwise():
+    alike = [False, True, True, True, False, True]
+    factors = (0.0, 0.1, 0.6, 1.3, 2.5, 4.0)
+    assert furthest(factors, alike, 1.0) == 1.3
+    assert furthest(factors[::-1], alike[::-1], -1.0) == 0.1
+    assert furthest(factors, [False] * 6, 1.0) == 1.0

@@ -65,10 +65,10 @@ def _unseen(cause: Cause, c: Calibrated, name: str) -> tuple[float, float]:
     for answer in c.problem.answers(rows):
         off = c.noise.weighted_rms(c.problem, answer - base)
         alike.append(max(off[s] / v for s, v in floors.items() if v > 0.0) < ALIKE)
-    return here * _furthest(FACTORS[::-1], alike[::-1], -1.0), here * _furthest(FACTORS, alike, 1.0)
+    return here * furthest(FACTORS[::-1], alike[::-1], -1.0), here * furthest(FACTORS, alike, 1.0)
 
 
-def _furthest(factors: Sequence[float], alike: Sequence[bool], way: float) -> float:
+def furthest(factors: Sequence[float], alike: Sequence[bool], way: float) -> float:
     """The last of those above 1 (`way` 1) or below it (-1) up to which all are alike."""
     beyond = [x for x in zip(factors, alike, strict=True) if way * (x[0] - 1.0) > 0.0]
     return max(
