@@ -215,6 +215,9 @@ def test_a_kernel_without_can_is_named(tree, monkeypatch):
 def test_a_rig_that_its_bus_cannot_carry_is_a_fault():
     found = check_contradictions(rig_file("stewart", can={"bitrate": 125_000}), PROFILES)
     assert trouble(found) == {"bus load": "fault"}
+    (load,) = [f for f in found if f.topic == "bus load"]
+    assert load.remedy.startswith("what fits on a bus of 125 kbit/s: ")
+    assert "What fits" not in load.text
 
 
 def test_rig_and_drive_file_that_contradict_each_other_are_a_fault():

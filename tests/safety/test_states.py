@@ -367,6 +367,16 @@ def test_a_drive_that_cannot_be_reset_is_a_fault_again(bench: Bench) -> None:
     assert bench.out.power is PowerGoal.OFF
 
 
+def test_who_asks_to_arm_a_rig_in_fault_is_told_what_the_fault_is_once(bench: Bench) -> None:
+    bench.faulted()
+    bench.phases[0] = DrivePhase.FAULT
+    ok, text = bench.ask(Command.ARM)
+    assert not ok
+    assert bench.state.fault is not None
+    assert f"the rig is fault ({bench.state.fault.cause.value}: {bench.state.fault.text})" in text
+    assert text.count("overcurrent") == 1
+
+
 def test_reset_without_a_fault_is_refused(bench: Bench) -> None:
     bench.ready()
     assert not bench.ask(Command.RESET)[0]

@@ -76,5 +76,7 @@ def check_contradictions(rig: RigFile, profiles: Profiles) -> list[Finding]:
         text = f"its schedule needs {share:.0%} of {rig.can.bitrate / 1000:g} kbit/s at worst"
         found.append(Finding("ok", "bus load", text))
     except ConfigError as error:
-        found.append(Finding("fault", "bus load", str(error), "raise can.bitrate or bus.cycle"))
+        text, _, fits = str(error).partition(". What fits ")
+        remedy = f"what fits {fits}" if fits else "correct the rig file"
+        found.append(Finding("fault", "bus load", text, remedy))
     return found

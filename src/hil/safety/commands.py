@@ -64,11 +64,11 @@ def blockers(
     """Sentences that say what stands against arming; `anywhere`: off the parked pose too, to park."""
     against = ["this daemon only listens"] if settings.read_only else []
     if state.name is not StateName.PARKED:
-        fault = f" ({state.fault.cause.value})" if state.fault else ""
-        against.append(f"the rig is {state.name.value}{fault}, not parked")
+        against.append(f"the rig is {state.name.value}{_why(state)}, not parked")
     for name, drive in zip(settings.names, inputs.drives, strict=True):
         if drive.phase not in UP:
-            against.append(drive.waiting_for or f"{name} is {drive.phase.value}")
+            if drive.error is None or drive.error not in _why(state):
+                against.append(drive.waiting_for or drive.error or f"{name} is {drive.phase.value}")
         elif not drive.watchdog_ok:
             against.append(f"{name}: its own watchdog is not verified")
         elif not drive.referenced:
@@ -81,6 +81,11 @@ def blockers(
     if not (anywhere or inputs.near_parked):
         against.append("the rig is not near its parked pose: park it first")
     return against
+
+
+def _why(state: RigState) -> str:
+    """The latched fault in brackets, empty without one."""
+    return f" ({state.fault.cause.value}: {state.fault.text})" if state.fault else ""
 
 
 def _arm(inputs: RigInputs, state: RigState, settings: StateSettings, now_s: float) -> _Outcome:
