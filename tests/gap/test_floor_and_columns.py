@@ -1,0 +1,71 @@
+"""What a healthy reference says of a run's noise, and which signals show what an effect does."""
+
+import numpy as np
+import pytest
+
+from hil.configfile import load_rig
+from hil.gap.bank import fill_bank
+from hil.gap.draws import sensor_sigma
+from hil.gap.leaves import find_leaves
+from hil.gap.noise import HEALTHY, Level, find_noise
+from hil.gap.problem import Problem
+from hil.gap.runs import as_runs
+from hil.identify.replay import Stretch, stretches
+from hil.sim import Twin
+from tests.gap.twin_runs import AXIS, record
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    """A healthy record's problem, and a residual three times as loud as its rig file says."""
+    (run,) = as_runs(record(duration_s=8.0), AXIS)
+    problem = Problem(AXIS, stretches(run))
+    rng = np.random.default_rng(4)
+    residual = rng.standard_normal(problem.size)
+    for x in problem.series:
+        residual[x.part] *= 3.0 * sensor_sigma(AXIS, x)
+    return problem, residual
+
+
+def levels(problem, residual, healthy):
+    rng = np.random.default_rng(2)
+    found = find_noise(problem, problem.base, rng, residual=residual, healthy=healthy, count=2)
+    return {signal: x.factor for signal, x in found.levels.items()}
+
+
+def test_without_a_reference_the_fastest_part_of_a_residual_is_noise(noisy):
+    assert levels(*noisy, None)["axis.position"] == pytest.approx(3.0, rel=0.1)
+
+
+def test_a_run_is_little_louder_than_its_healthy_reference(noisy):
+    lively = dict.fromkeys(noisy[0].signals, Level(1.1, 100.0))
+    assert levels(*noisy, lively)["axis.position"] == pytest.approx(1.1 * HEALTHY)
+
+
+def test_a_reference_that_hardly_moved_tells_nothing_of_a_lively_run(noisy):
+    calm = dict.fromkeys(noisy[0].signals, Level(1.1, 0.0))
+    assert levels(*noisy, calm) == levels(*noisy, None)
+
+
+def test_a_homing_error_of_one_leg_shows_in_all_signals_and_its_friction_in_its_own():
+    rig = load_rig("motorcycle")
+    sent = np.arange(0.0, 5.0, rig.bus.cycle)
+    sway = 0.01 * np.sin(2 * np.pi * 0.5 * sent) * np.clip(sent - 0.5, 0.0, 1.0)
+    rest = Twin(rig).replay({}, {f"{a}.position": np.array([0.1]) for a in rig.actuator_names})
+    told = {a: (sent, rest[f"{a}.position"][0] + sway) for a in rig.actuator_names}
+    stamps = {f"{a}.{q}": sent[20:] for a in rig.actuator_names for q in ("position", "force")}
+    stamps["imu.accel_y"] = sent[20:]
+    answers = Twin(rig).replay(told, stamps)
+    piece = Stretch("run", told, {s: (t, answers[s]) for s, t in stamps.items()}, "position")
+    problem = Problem(rig, [piece])
+    base = problem.predict(problem.base)[0]
+    wanted = ("position_offset", "coulomb_friction")
+    leaves = [x for x in find_leaves(problem, problem.base, 0.0 * base) if x.effect in wanted]
+    bank = fill_bank(problem, problem.base, base, leaves)
+    imu = next(x.part for x in problem.series if x.signal == "imu.accel_y")
+    moved = {
+        leaf.name: float(np.abs(bank.columns[imu, starts[0][0]]).max())
+        for leaf, starts in zip(bank.leaves, bank.places, strict=True)
+    }
+    assert moved["leg2.position_offset"] > 0.005
+    assert moved["leg2.coulomb_friction"] == 0.0
