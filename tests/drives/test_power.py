@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hil.drives.power import (
+    FAULTED,
     PowerCommand,
     PowerState,
     decode_control_word,
@@ -92,3 +93,11 @@ def test_a_fault_is_left_by_the_edge_of_the_reset_bit_alone(command: PowerComman
 def test_disable_takes_power_from_every_state(state: PowerState) -> None:
     after = respond(state, PowerCommand.DISABLE)
     assert after in (PowerState.SWITCH_ON_DISABLED, PowerState.NOT_READY)
+
+
+@pytest.mark.parametrize("state", [s for s in PowerState if s not in FAULTED])
+@pytest.mark.parametrize("command", list(PowerCommand))
+def test_without_its_supply_no_power_stage_is_prepared(state, command):
+    if state is not PowerState.NOT_READY:
+        assert respond(state, command, supplied=False) is PowerState.SWITCH_ON_DISABLED
+    assert respond(PowerState.FAULT, command, supplied=False) is PowerState.FAULT

@@ -132,11 +132,16 @@ _TRANSITIONS: Final[dict[PowerCommand, dict[PowerState, PowerState]]] = {
 }
 
 
-def respond(state: PowerState, command: PowerCommand, *, reset_edge: bool = False) -> PowerState:
-    """The state a drive goes to on `command`. Faults are left by the edge of the reset bit alone."""
+def respond(
+    state: PowerState, command: PowerCommand, *, reset_edge: bool = False, supplied: bool = True
+) -> PowerState:
+    """The state a drive goes to on `command`. Faults are left by the edge of the reset bit alone.
+
+    Without its hardware enable or supply (not `supplied`) no power stage is prepared.
+    """
     if state in FAULTED or state is PowerState.NOT_READY:
         left = state is PowerState.FAULT and command is PowerCommand.RESET and reset_edge
         return PowerState.SWITCH_ON_DISABLED if left else state
-    if command in (PowerCommand.DISABLE, PowerCommand.RESET):
+    if command in (PowerCommand.DISABLE, PowerCommand.RESET) or not supplied:
         return PowerState.SWITCH_ON_DISABLED
     return _TRANSITIONS[command].get(state, state)

@@ -6,7 +6,6 @@ Stop reactions (hold at full force, then power off) are [M]; the standards leave
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from hil.drives.cia402.mapping import HOMING_MODE
 from hil.drives.cia402.meaning import INTERPOLATE
@@ -23,12 +22,11 @@ from hil.drives.power import (
 from hil.sim.cia402_homing import Homing
 from hil.sim.cia402_motion import Motion402
 from hil.sim.cia402_objects import Objects
+from hil.sim.course import Course
 from hil.sim.plant import Plant
 
 FOLLOWING, COURSE = 0x8611, 0x8612
 """Emergency error codes: following error, end of the stroke (CiA 402-2 [M])."""
-COURSE_SLACK_M: Final = 1e-3
-"""A drive reset beyond the end of its stroke may move so much further out before it stops again [M]."""
 
 
 class PowerStage:
@@ -50,7 +48,7 @@ class PowerStage:
         self.off_s = math.inf
         """When a stop that is under way ends in power off, s."""
         self.enabled_s = -math.inf
-        self._allowance = 0.0
+        self._course = Course(self._motion.senses)
         self._outside_s = math.inf
 
     @property
@@ -65,13 +63,11 @@ class PowerStage:
         start_homing = bool(word & INTERPOLATE) and not self.word & INTERPOLATE
         self.word = word
         before = self.state
-        after = respond(before, command, reset_edge=edge)
-        if not self.voltage and after not in FAULTED:
-            after = PowerState.SWITCH_ON_DISABLED
+        after = respond(before, command, reset_edge=edge, supplied=self.voltage)
         self._plant.advance(now_s)
         if before is PowerState.FAULT and after is not PowerState.FAULT:
             self.code = 0
-            self._allowance = self._motion.senses.beyond_course() + COURSE_SLACK_M
+            self._course.reset()
         if before is not PowerState.OPERATION_ENABLED:
             self.state = after
             if after is not before and self.is_on:
@@ -101,10 +97,7 @@ class PowerStage:
         if not self.is_on:
             return None
         self._plant.advance(now_s)
-        beyond = self._motion.senses.beyond_course()
-        if beyond == 0.0:
-            self._allowance = 0.0
-        elif beyond > self._allowance:
+        if self._course.is_left():
             return COURSE
         if abs(self._motion.following_counts()) <= self._objects.value(0x6065):
             self._outside_s = math.inf

@@ -15,12 +15,10 @@ from hil.drives.lust_cdd3000.scales import Scales
 from hil.drives.meaning import SetpointKind
 from hil.drives.power import FAULTED, PowerCommand, PowerState, respond
 from hil.drives.profile import LustProfile
+from hil.sim.course import Course
 from hil.sim.lust_parameters import ParameterServer
 from hil.sim.plant import Plant
 from hil.sim.senses import Senses
-
-COURSE_SLACK_M: Final = 1e-3
-"""A drive reset beyond the end of its stroke may move so much further out before it stops again [M]."""
 
 
 class PowerStage:
@@ -45,7 +43,7 @@ class PowerStage:
         self._watched_s = plant.now_s
         self._off_s = math.inf
         """When a stop that is under way ends in power off, s."""
-        self._allowance = 0.0
+        self._course = Course(self._senses)
         self._reference = 0
 
     @property
@@ -64,12 +62,10 @@ class PowerStage:
         if self._profile.layout.kind == "posmod" and command is PowerCommand.DISABLE:
             command = PowerCommand.PREPARE
         before = self.state
-        after = respond(before, command, reset_edge=reset_edge)
-        if not self.enpo and after not in FAULTED:
-            after = PowerState.SWITCH_ON_DISABLED
+        after = respond(before, command, reset_edge=reset_edge, supplied=self.enpo)
         self._plant.advance(now_s)
         if before is PowerState.FAULT and after is not PowerState.FAULT:
-            self._allowance = self._senses.beyond_course() + COURSE_SLACK_M
+            self._course.reset()
         if before is PowerState.OPERATION_ENABLED and after is not before:
             self.switch_off(now_s, after)
         elif before is not after:
@@ -96,10 +92,7 @@ class PowerStage:
             return None
         self._plant.advance(now_s)
         self._watched_s = now_s + self._watch_period_s
-        beyond = self._senses.beyond_course()
-        if beyond == 0.0:
-            self._allowance = 0.0
-        elif beyond > self._allowance:
+        if self._course.is_left():
             return self._profile.code_of("course_limitation")
         if self._kind == "position":
             reference = self.scales.setpoint("position", self._reference)
