@@ -175,11 +175,16 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
 
     causes = tuple(x if x.shrink is None else shown(x) for x in found.causes)
     by_name = {(x.effect, x.location): x for x in causes}
+    effects = tuple(by_name[x.effect, x.location] for x in found.effects)
+    part, sentence = again(best, found.score.signals), found.sentence
+    if effects:
+        _, sentence = judge(effects, causes, found.unknown, part.shrink)
     return replace(
         found,
+        sentence=sentence,
         causes=causes,
-        effects=tuple(by_name[x.effect, x.location] for x in found.effects),
-        score=again(best, found.score.signals),
+        effects=effects,
+        score=part,
         score_all=again(best, e.problem.signals),
     )
 
