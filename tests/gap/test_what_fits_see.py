@@ -6,8 +6,11 @@ import pytest
 from hil.gap import diagnose, locate
 from hil.gap.heldout import split
 from hil.gap.noise import autoregression
+from hil.gap.problem import Problem
+from hil.gap.runs import as_runs
+from hil.gap.sanity import check_answers
 from hil.gap.standstill import at_rest
-from hil.identify.replay import Stretch
+from hil.identify.replay import Stretch, stretches
 from tests.gap.twin_runs import AXIS, effect, record
 
 
@@ -73,3 +76,12 @@ def test_of_several_runs_the_one_with_all_of_the_gap_is_never_held_out():
 def test_a_signal_without_a_judged_sample_has_no_autoregression():
     terms, gain = autoregression(np.empty((6, 0)))
     assert (len(terms), gain) == (0, 1.0)
+
+
+def test_a_signal_is_called_late_where_it_is_and_friction_is_no_lateness():
+    def said(*effects):
+        (run,) = as_runs(record(*effects), AXIS)
+        return [f.subject for f in check_answers(Problem(AXIS, stretches(run)))]
+
+    assert said(effect("sensor_latency", "axis.position", delay=0.01)) == ["axis.position"]
+    assert said(effect("coulomb_friction", force=30.0)) == []

@@ -38,6 +38,8 @@ FACTORS: Final = (
     (1.0 / 57.29578, "was it converted to radians twice?"),
 )
 LATE_S: Final = 0.005
+LIKE_LATE: Final = 0.7
+"""Share of a residual that must be lateness before it is called so: friction comes late a little too."""
 DRIFT: Final = 3e-4
 
 
@@ -215,11 +217,11 @@ def check_answers(problem: Problem) -> list[Finding]:
         if found is not None:
             out.append(found)
             continue
-        late, drift, sd = _lateness(t, m, p)
+        late, drift, sd, share = _lateness(t, m, p)
         if np.corrcoef(m, p)[0, 1] > ALIKE:
             group = "imu" if x.actuator == "imu" else "drives"
             drifts[group].append((drift, sd))
-            if abs(late) > LATE_S:
+            if abs(late) > LATE_S and share > LIKE_LATE:
                 word = "later" if late > 0.0 else "earlier"
                 text = f"comes {1e3 * abs(late):.1f} ms {word} than the twin says"
                 out.append(Finding("warning", x.signal, text))
@@ -246,15 +248,17 @@ def _factor(problem: Problem, x: Series, m: Array, p: Array) -> Finding | None:
     return None
 
 
-def _lateness(t: Array, m: Array, p: Array) -> tuple[float, float, float]:
-    """(s late, s/s drift, its standard deviation) of `m` against `p`: the residual on -dp/dt."""
+def _lateness(t: Array, m: Array, p: Array) -> tuple[float, float, float, float]:
+    """(s late, s/s drift, its standard deviation, share of the residual that both are) of `m` against `p`:
+    the residual on -dp/dt."""
     slope = np.gradient(p, t)
     X = np.stack([-slope, -slope * (t - t.mean()), np.ones_like(t)], axis=1)
     found, *_ = np.linalg.lstsq(X, m - p, rcond=None)
     left = m - p - X @ found
     # neighbours depend on each other: a tenth of the samples counts
     cov = np.linalg.pinv(X.T @ X) * float(left @ left) / len(t) * 10.0
-    return float(found[0]), float(found[1]), float(np.sqrt(cov[1, 1]))
+    share = 1.0 - float(left.var() / max((m - p).var(), 1e-300))
+    return float(found[0]), float(found[1]), float(np.sqrt(cov[1, 1])), share
 
 
 def _drift(group: str, values: Sequence[tuple[float, float]]) -> list[Finding]:
