@@ -145,7 +145,7 @@ def _of_drive(
     found: list[Finding] = []
     silent_s = inf if drive.last_answer_s is None else now_s - drive.last_answer_s
     if drive.phase is DrivePhase.FAULT:
-        found.append(Finding(Cause.DRIVE_ERROR, f"{name}: {drive.error or 'in fault'}"))
+        found.append(Finding(Cause.DRIVE_ERROR, drive.error or f"{name} is in fault"))
     elif not drive.enpo and drive.phase in (PREPARED if state.armed else UP):
         found.append(Finding(Cause.ENPO_LOST, f"{name}: no hardware enable (ENPO)"))
     elif state.armed and drive.phase is DrivePhase.LOGGED_ON:
