@@ -35,11 +35,11 @@ def fit_candidates(
     c: Calibrated,
     none: Fit,
     search: Search,
-    leaves: Sequence[Leaf],
     without: Collection[str],
     say: Report,
 ) -> list[Fit]:
     """`none`, then all that was fitted."""
+    leaves = search.bank.leaves
     fits = [none, *_single_fits(c, none, search, leaves, without, say)]
     fits = [f for f in fits if is_itself(f)]
     fits += joint_fits(c, fits, search, leaves, without, say)

@@ -16,21 +16,16 @@ import numpy as np
 import pandas as pd
 
 from hil.config import RigFile
-from hil.gap.bank import fill_bank
 from hil.gap.candidates import fit_candidates
 from hil.gap.diagnosis import Diagnosis
-from hil.gap.fit import calibrated, fit
 from hil.gap.heldout import split
-from hil.gap.leaves import find_leaves
 from hil.gap.locate import locate
 from hil.gap.nuisances import Nuisance, default_nuisances
-from hil.gap.residual import Refit
-from hil.gap.restrict import noise_of, part_of
 from hil.gap.result import Located
-from hil.gap.rounding import coarse_steps, coarser, rounded
+from hil.gap.rounding import coarse_steps, rounded
 from hil.gap.runs import as_runs
-from hil.gap.search import Search
 from hil.gap.shares import weighed_ratio
+from hil.gap.training import begin
 from hil.gap.verdict import answer, no_gap
 from hil.runs import Run
 
@@ -104,24 +99,11 @@ def explain(
         located.is_gap or steps or _strained(located, chosen) or weighed_ratio(located) > SUSPECT
     ):
         return no_gap(located, parts.text)
-    problem, rows = part_of(whole, parts)
-    noise = noise_of(e.noise, whole, problem, rows)
-    if steps:
-        noise = coarser(noise, problem, steps, np.random.default_rng(seed + 1))
-    start = Refit(e.vector, e.residual[rows], e.jacobian[rows], ())
-    c = calibrated(problem, noise, chosen, start)
-    none = fit(c, (), {})
-    if none is None:
-        raise AssertionError("the calibrated twin stood a moment ago")
-    c = replace(c, vector=none.vector, residual=none.residual, white=none.white, z=none.z)
-    say("computing what each candidate would do")
-    leaves = find_leaves(problem, none.vector, none.residual, without)
-    bank = fill_bank(problem, none.vector, problem.measured - none.residual, leaves)
-    search = Search(c, bank)
-    fits = fit_candidates(c, none, search, leaves, without, say)
+    c, none, search = begin(e, parts, chosen, without, say, steps, seed)
+    fits = fit_candidates(c, none, search, without, say)
     if steps:
         fits = rounded(c, fits, steps)
-    return answer(located, c, fits, bank, ~parts.train(whole), parts.text, seed)
+    return answer(located, c, fits, search.bank, ~parts.train(whole), parts.text, seed)
 
 
 def _strained(located: Located, nuisances: Sequence[Nuisance]) -> bool:

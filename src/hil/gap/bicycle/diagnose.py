@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 
 from hil.config import BicycleFile
-from hil.gap.bank import fill_bank
 from hil.gap.bicycle.intervals import widened
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
@@ -18,16 +17,13 @@ from hil.gap.bicycle.sets import fit_sets
 from hil.gap.diagnose import STRAIN, as_found
 from hil.gap.diagnosis import Cause, Diagnosis
 from hil.gap.evidence import MORE
-from hil.gap.fit import Fit, calibrated, fit
+from hil.gap.fit import Fit
 from hil.gap.heldout import Score, score, split, touched
-from hil.gap.leaves import find_leaves
 from hil.gap.noise import NoiseModel
 from hil.gap.nuisances import Nuisance
 from hil.gap.problem import Mask
-from hil.gap.residual import Refit
-from hil.gap.restrict import noise_of, part_of
 from hil.gap.result import Located
-from hil.gap.search import Search
+from hil.gap.training import begin
 from hil.gap.verdict import HOLDS, STANDS, answer, judge
 from hil.runs import Run
 
@@ -115,22 +111,12 @@ def _weighed(
     """As `hil.gap.diagnose.explain`, with the sets that rides ask for."""
     e = located.evidence
     parts = split(e.problem, e.noise, e.residual)
-    problem, rows = part_of(e.problem, parts)
-    noise = noise_of(e.noise, e.problem, problem, rows)
-    start = Refit(e.vector, e.residual[rows], e.jacobian[rows], ())
-    c = calibrated(problem, noise, chosen, start)
-    none = fit(c, (), {})
-    if none is None:
-        raise AssertionError("the calibrated twin stood a moment ago")
-    c = replace(c, vector=none.vector, residual=none.residual, white=none.white, z=none.z)
-    say("computing what each candidate would do")
-    leaves = find_leaves(problem, none.vector, none.residual, without)
-    bank = fill_bank(problem, none.vector, problem.measured - none.residual, leaves)
-    fits = fit_sets(c, none, Search(c, bank), leaves, say)
+    c, none, search = begin(e, parts, chosen, without, say, {}, seed)
+    fits = fit_sets(c, none, search, search.bank.leaves, say)
     held = ~parts.train(e.problem)
 
     def answered(some: Sequence[Fit]) -> Diagnosis:
-        return _by_energy(answer(located, c, [none, *some], bank, held, parts.text, seed))
+        return _by_energy(answer(located, c, [none, *some], search.bank, held, parts.text, seed))
 
     found = answered(fits[1:])
     if found.best is None or found.verdict != "unknown":
