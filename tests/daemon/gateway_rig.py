@@ -153,13 +153,14 @@ class Plain:
         self._held: list[Any] = []
 
     def subscribe(self, tail: str) -> list[Any]:
-        """Payloads of `hil/<rig>/<tail>` as they come, decoded."""
+        """Payloads of `hil/<rig>/<tail>` as they come, decoded; the gateway knows of it on return."""
         found: list[Any] = []
 
         def keep(sample: zenoh.Sample) -> None:
             found.append(json.loads(sample.payload.to_bytes()))
 
         self._held.append(self.session.declare_subscriber(f"hil/{self.rig}/{tail}", keep))
+        self.get("schema/state")  # what is asked after it is answered after it
         return found
 
     def put(self, tail: str, payload: bytes, **more: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import time
 
@@ -90,7 +89,6 @@ BAD_CUES = {
 @pytest.mark.parametrize("payload", BAD_CUES.values(), ids=BAD_CUES.keys())
 def test_a_bad_cue_is_refused_told_and_does_not_disturb_the_next(running, client, payload):
     events = client.subscribe("event")
-    time.sleep(0.02)
     client.put("cue", payload, attachment="simulator-7")
     refusal = until(lambda: [event for event in events if event["name"] == "cue_refused"])[0]
     assert refusal["severity"] == "warning"
@@ -102,7 +100,6 @@ def test_a_bad_cue_is_refused_told_and_does_not_disturb_the_next(running, client
 
 def test_a_client_that_keeps_sending_rubbish_is_told_of_once_a_second(running, client):
     events = client.subscribe("event")
-    time.sleep(0.02)
     start_s = time.monotonic()
     for _ in range(150):
         client.put("cue", b"rubbish")
@@ -114,7 +111,6 @@ def test_a_client_that_keeps_sending_rubbish_is_told_of_once_a_second(running, c
 
 def test_a_flood_of_cues_is_bounded_before_it_reaches_control(running, client):
     events = client.subscribe("event")
-    time.sleep(0.02)
     start_s = time.monotonic()
     for seq in range(3000):
         client.cue(seq=seq)
@@ -143,19 +139,15 @@ def test_two_clients_are_told_apart_by_name_and_session(running):
 def test_state_is_published_at_the_rate_of_the_rig_file(tmp_path):
     with gateway(tmp_path, QUIET, state_hz=50.0) as running, plain(running.endpoint) as client:
         states = client.subscribe("state")
-        before = itertools.count(0.0, 0.02)
-        until(lambda: running.control.state(t_s=next(before)) or states)
         for k in range(101):
             running.control.state(t_s=100.0 + 0.01 * k)
             time.sleep(0.003)  # Zenoh drops states where a burst of them fills its queue
-        until(lambda: states[-1]["t"] == 101.0)
-    told = [state["t"] for state in states if state["t"] >= 100.0]
-    assert told == pytest.approx([100 + 0.02 * k for k in range(51)])
+        until(lambda: states and states[-1]["t"] == 101.0)
+    assert [state["t"] for state in states] == pytest.approx([100 + 0.02 * k for k in range(51)])
 
 
 def test_a_state_says_by_name_what_is_known_and_leaves_out_the_rest(running, client):
     states = client.subscribe("state")
-    time.sleep(0.02)
     running.control.state("engaged", t_s=3.0, slots=10, pairs=9, fault="none really")
     state = until(lambda: states)[0]
     assert state["state"] == "engaged"
@@ -169,7 +161,6 @@ def test_a_state_says_by_name_what_is_known_and_leaves_out_the_rest(running, cli
 def test_each_drives_answers_are_published_under_its_name(running, client):
     answers = client.subscribe("drive/leg2")
     others = client.subscribe("drive/leg1")
-    time.sleep(0.02)
     running.control.channel.send(SampleRecord(1, "force", 250.0, 7.0, 7.001))
     assert until(lambda: answers) == [{"t": 7.001, "sampled": 7.0, "force": 250.0}]
     assert others == []
@@ -177,7 +168,6 @@ def test_each_drives_answers_are_published_under_its_name(running, client):
 
 def test_a_drives_status_is_published_when_it_changes(running, client):
     seen = client.subscribe("drive/slide/status")
-    time.sleep(0.02)
     running.control.channel.send(DriveRecord(8.0, 2, "fault", False, "over-current"))
     assert until(lambda: seen) == [
         {"t": 8.0, "phase": "fault", "enabled": False, "error": "over-current"}
@@ -195,7 +185,6 @@ def test_every_payload_keeps_the_schema_that_is_published_for_it(running, client
     }
     schemas = {key.rpartition("/")[2]: schema for key, schema in client.get("schema/*")}
     seen = {kind: client.subscribe(tail) for tail, kind in kinds.items() if "command" not in tail}
-    time.sleep(0.02)
     running.control.state("fault", fault="leg1 is silent")
     running.control.channel.send(
         SampleRecord(1, "force", 250.0, 7.0, 7.001),
@@ -292,7 +281,6 @@ def test_the_rig_and_its_clients_show_that_they_live(running, client):
     alive = [reply.ok for reply in client.session.liveliness().get("hil/motorcycle/alive")]
     assert len(alive) == 1
     events = client.subscribe("event")
-    time.sleep(0.02)
     token = client.session.liveliness().declare_token("hil/motorcycle/client/desk")
     until(lambda: "client_here" in names(events))
     token.undeclare()
@@ -301,7 +289,6 @@ def test_the_rig_and_its_clients_show_that_they_live(running, client):
 
 def test_events_of_control_are_passed_on(running, client):
     events = client.subscribe("event")
-    time.sleep(0.02)
     running.control.channel.send(EventRecord(9.0, "fault", "drive_error", "leg1: error 5"))
     assert until(lambda: events)[0] == {
         "t": 9.0, "severity": "fault", "name": "drive_error", "text": "leg1: error 5",
@@ -321,7 +308,6 @@ def test_the_gateway_beats_for_control(running):
 def test_when_control_dies_clients_are_told_and_the_gateway_leaves(tmp_path, state, code):
     with gateway(tmp_path, QUIET) as running, plain(running.endpoint) as client:
         states, events = client.subscribe("state"), client.subscribe("event")
-        time.sleep(0.02)
         running.control.state(state)
         until(lambda: states)
         running.control.die()
@@ -338,7 +324,6 @@ def test_the_last_words_of_control_are_passed_on_and_recorded(tmp_path):
     """More than one reading of the socket holds, sent right before control dies."""
     with gateway(tmp_path) as running, plain(running.endpoint) as client:
         events = client.subscribe("event")
-        time.sleep(0.02)
         for k in range(300):
             running.control.channel.send(EventRecord(time.monotonic(), "info", f"word_{k}", ""))
         running.control.die()
@@ -355,7 +340,6 @@ def test_the_last_words_of_control_are_passed_on_and_recorded(tmp_path):
 
 def test_a_control_process_that_hangs_is_reported_once_and_when_it_is_back(running, client):
     events = client.subscribe("event")
-    time.sleep(0.02)
     running.control.state("parked")
     until(lambda: "control_silent" in names(events))
     running.control.state("parked")
@@ -365,7 +349,6 @@ def test_a_control_process_that_hangs_is_reported_once_and_when_it_is_back(runni
 
 def test_rubbish_from_control_is_counted_and_survived(running, client):
     events = client.subscribe("event")
-    time.sleep(0.02)
     running.control.channel.send(SampleRecord(77, "force", 0.0, 0.0, 0.0))
     until(lambda: "records_malformed" in names(events))
     running.control.channel.send(SetpointRecord(0.0, 9, "position", 0.0))
@@ -449,7 +432,6 @@ def test_metrics_are_served_on_loopback(tmp_path):
 
 def test_the_state_message_can_be_read_back(running, client):
     states = client.subscribe("state")
-    time.sleep(0.02)
     running.control.state()
     until(lambda: states)
     assert msgspec.convert(states[0], messages.StateMessage).pose["roll"] == 0.02
