@@ -24,7 +24,7 @@ from hil.gap.nuisances import Nuisance
 from hil.gap.problem import Mask
 from hil.gap.result import Located
 from hil.gap.training import begin
-from hil.gap.verdict import HOLDS, STANDS, answer, judge
+from hil.gap.verdict import STANDS, answer, judge
 from hil.runs import Run
 
 EXPLAINED: Final = 0.72
@@ -32,9 +32,10 @@ EXPLAINED: Final = 0.72
 SOFT: Final = 0.06
 LARGE: Final = 3.0
 """Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
+HOLDS: Final = 0.05
 SEVERAL_HOLD: Final = 0.7
-"""Held-out shrink below which a set is withdrawn: with two effects much can be bent to fit what was seen [set
-on training cases]."""
+"""Held-out shrink below which one effect and a set are withdrawn: with two effects much can be bent to fit
+what was seen [set on training cases]."""
 UNSAID: Final = 1.3
 """Floors, tolerances among them, from which on a signal is off although no candidate explains it: how well a
 record tells its own noise, twice over [set on training cases]."""
