@@ -72,13 +72,15 @@ def _single_fits(
     return out
 
 
+def promising(proposals: Sequence[Proposal]) -> list[Proposal]:
+    """Those of `proposals`, best first, whose gain is neither chance nor small beside the best one's."""
+    least = max(WORTH * proposals[0].gain, CHANCE) if proposals else CHANCE
+    return [p for k, p in enumerate(proposals) if p.gain >= (CHANCE if k < FIRST else least)]
+
+
 def _worth_a_fit(proposals: Sequence[Proposal], leaves: Sequence[Leaf]) -> list[Proposal]:
     """The best proposals; where a law of friction is among them, the plain laws at its place as well."""
-    least = max(WORTH * proposals[0].gain, CHANCE) if proposals else CHANCE
-    out = [
-        p for k, p in enumerate(proposals[:SINGLES])
-        if p.gain >= (CHANCE if k < FIRST else least)
-    ]  # fmt: skip
+    out = promising(proposals)[:SINGLES]
     rubs = {x.location for x in (leaves[p.leaves[0]] for p in out) if x.effect in FRICTION}
     plain = [
         p for p in proposals[SINGLES:]

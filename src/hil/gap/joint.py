@@ -59,7 +59,7 @@ def joint_fits(
             if not start:
                 continue  # it changes nothing that these data would show
             joint = fit(c, some, {**relative(c, head), **start}, p.z)
-            if joint is not None and is_itself(joint) and _adds(c, [*fits[1:], *out], joint):
+            if joint is not None and is_itself(joint) and adds(c, [*fits[1:], *out], joint):
                 new.append(joint)
         new += _swapped(c, fits, singles, new, say)
         out += new
@@ -107,7 +107,7 @@ def _swapped(
         say("fitting " + " + ".join(y.name for y in some))
         kept = {n: v for n, v in relative(c, best).items() if n not in leaf.parameters}
         joint = fit(c, some, kept | relative(c, x), best.z)
-        if joint is not None and is_itself(joint) and _adds(c, [*fits[1:], *new], joint):
+        if joint is not None and is_itself(joint) and adds(c, [*fits[1:], *new], joint):
             out.append(joint)
     return out
 
@@ -129,14 +129,15 @@ def _with_lost(
     best = heads[0]
     say("looking for lost frames beside " + " + ".join(x.name for x in best.leaves))
     found = fit_lost_frames(c, best)
-    return [found] if found is not None and _adds(c, [*fits[1:], *joint], found) else []
+    return [found] if found is not None and adds(c, [*fits[1:], *joint], found) else []
 
 
-def _adds(c: Calibrated, fits: Sequence[Fit], joint: Fit) -> bool:
-    """Whether each effect of a set explains most of what the others leave, as far as those were fitted."""
+def adds(c: Calibrated, fits: Sequence[Fit], joint: Fit, least: float = ADDS) -> bool:
+    """Whether each effect of a set explains more than a share `least` of what the others leave, as far as
+    those are among `fits`."""
     names = {leaf.name for leaf in joint.leaves}
     parts = [f for f in fits if {leaf.name for leaf in f.leaves} < names]
-    return all(explained(c, f, joint) > ADDS for f in parts)
+    return all(explained(c, f, joint) > least for f in parts)
 
 
 def _proposed(

@@ -16,21 +16,16 @@ from typing import Final
 
 import numpy as np
 
+from hil.gap.candidates import SINGLES, promising
 from hil.gap.fit import Calibrated, Fit, fit
+from hil.gap.joint import adds
 from hil.gap.leaves import Leaf
 from hil.gap.search import Proposal, Search
-from hil.gap.shares import above_noise, explained
+from hil.gap.shares import above_noise
 from hil.gap.starts import changes_of, relative
 
 Report = Callable[[str], None]
 
-SINGLES: Final = 5
-"""Candidates that are fitted alone."""
-FIRST: Final = 3
-WORTH: Final = 0.25
-"""Of the best linear gain, below which none but the FIRST candidates are fitted."""
-CHANCE: Final = 3.0
-"""Nats of the linear gain below which no candidate is worth a fit."""
 NATS: Final = 20.0
 """What a set must leave for a further effect to be looked for, and what that must take: of the loss of fits,
 where samples count as if they were independent [set on training cases]."""
@@ -70,16 +65,14 @@ def fit_sets(
                     grown.append(joint)
     for f in _exchanged(c, alone, list(tried.values()), say):
         tried.setdefault(_key(f), f)
-    whole = [f for f in tried.values() if _is_whole(c, f, list(tried.values()))]
+    whole = [f for f in tried.values() if adds(c, list(tried.values()), f, ADDS)]
     places = Counter(x.effect for x in leaves)
     rare = [float(sum(np.log(places[x.effect]) for x in f.leaves)) for f in whole]
     return [none, *(replace(f, extra_cost=cost) for f, cost in zip(whole, rare, strict=True))]
 
 
 def _singles(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
-    proposals = search.alone()
-    least = max(WORTH * proposals[0].gain, CHANCE) if proposals else CHANCE
-    able = [p for k, p in enumerate(proposals) if p.gain >= (CHANCE if k < FIRST else least)]
+    able = promising(search.alone())
     some = able[:SINGLES]
     if any(leaves[p.leaves[0]].name in DISTANCE for p in some):
         some += [p for p in able[SINGLES:] if leaves[p.leaves[0]].name in DISTANCE]
@@ -123,12 +116,6 @@ def _further(c: Calibrated, head: Fit, search: Search, leaves: Sequence[Leaf]) -
     rest = Search(replace(c, z=head.z), search.bank, head.white).alone()
     least = max(PROMISE * left, NATS)
     return [p for p in rest if p.gain > least and leaves[p.leaves[0]].name not in have]
-
-
-def _is_whole(c: Calibrated, f: Fit, tried: Sequence[Fit]) -> bool:
-    """Whether each effect of a set explains most of what the others leave, as far as those were fitted."""
-    parts = [x for x in tried if _key(x) < _key(f)]
-    return all(explained(c, x, f) > ADDS for x in parts)
 
 
 def _key(f: Fit) -> frozenset[str]:
