@@ -115,7 +115,6 @@ def test_the_profile_of_a_told_parameter_rises_on_both_sides(axis: RigFile, piec
     best = fit(problem)
     sides = best.values[0] + np.array([-6.0, 0.0, 6.0]) * np.sqrt(best.covariance[0, 0])
     rise = profile(problem, best, "mass.m", sides)
-    assert not rise.is_flat
     assert rise.rise[0] > 3.84 < rise.rise[2]
     assert abs(rise.rise[1]) < 1.0
 

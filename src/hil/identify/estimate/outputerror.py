@@ -157,11 +157,6 @@ class Profile:
     others: Array
     """(G, P) parameters of the best fit at each value."""
 
-    @property
-    def is_flat(self) -> bool:
-        """Whether all values, however far apart, explain the data about as well."""
-        return bool(np.all(self.rise < 3.84))
-
 
 def profile(
     problem: TwinProblem, best: OutputErrorFit, name: str, values: Sequence[float]
