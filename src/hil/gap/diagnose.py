@@ -24,7 +24,7 @@ from hil.gap.nuisances import Nuisance, default_nuisances
 from hil.gap.result import Located
 from hil.gap.rounding import coarse_steps, rounded
 from hil.gap.runs import as_runs
-from hil.gap.shares import weighed_ratio
+from hil.gap.shares import weighed_ratio, wild
 from hil.gap.training import begin
 from hil.gap.verdict import answer, no_gap
 from hil.runs import Run
@@ -96,7 +96,11 @@ def explain(
     chosen = tuple(nuisances or default_nuisances(whole.rig, whole.signals))
     steps = {} if "sensor_quantisation" in without else coarse_steps(whole)
     if not (
-        located.is_gap or steps or _strained(located, chosen) or weighed_ratio(located) > SUSPECT
+        located.is_gap
+        or steps
+        or _strained(located, chosen)
+        or weighed_ratio(located) > SUSPECT
+        or wild(located) is not None
     ):
         return no_gap(located, parts.text)
     c, none, search = begin(e, parts, chosen, without, say, steps, seed)

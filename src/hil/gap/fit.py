@@ -143,7 +143,7 @@ def fit(
     spread = _spread(c, white)
     for _ in range(rounds):
         cost = _total(c, white, z, spread)
-        B = _sensitivities(c, vector, answer, names)
+        B = sensitivities(c, vector, answer, names)
         J = np.hstack([A, B[c.train] * scale])
         here = np.concatenate([z, x / scale])
         ridge = np.concatenate([np.ones(len(held)), np.full(len(x), 1.0 / WEAK)])
@@ -317,7 +317,7 @@ STEP: Final[Mapping[str, float]] = {
 """Relative steps of parameters of which only the value itself means something."""
 
 
-def _sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[str]) -> Array:
+def sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[str]) -> Array:
     """(N, P) whitened change per unit of each search coordinate."""
     problem, table = c.problem, c.problem.table
     if not names:

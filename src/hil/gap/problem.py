@@ -161,6 +161,11 @@ class Problem:
         """Every judged signal once."""
         return tuple(dict.fromkeys(x.signal for x in self.series))
 
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Names of what `motion` tells position, velocity and force of."""
+        return tuple(self.rig.actuator_names)
+
     def with_clocks(self, clocks: Clocks) -> Problem:
         """The same data, with the drives' ticks elsewhere."""
         return Problem(self.rig, self.sent, clocks=clocks, settle_s=self.settle_s)

@@ -11,8 +11,26 @@ from hil.gap.result import Located
 
 FAINT: Final = 0.3
 """Squared floors of energy above the floor that are too few to speak of."""
+WILD: Final = 3.0
+"""Typical spreads of its noise [set on training cases of two worlds: healthy ones stay below 1.1]."""
 RARE: Final = 1.35
 """Floors of the usual residual up to which a gap is one of rare events."""
+
+
+def wild(located: Located) -> str | None:
+    """The position signal whose residual, lone samples and all, stands furthest above its floor, from WILD
+    times on: an encoder's answers do not jump by themselves. None where there is none."""
+    e = located.evidence
+    worst, most = None, WILD
+    for x in e.problem.series:
+        if x.quantity != "position":
+            continue
+        kept = e.problem.kept[x.part]
+        left = e.residual[x.part][kept] / e.noise.sigma[x.part][kept]
+        ratio = float(np.sqrt(np.mean(left**2))) if len(left) else 0.0
+        if ratio > most:
+            worst, most = x.signal, ratio
+    return worst
 
 
 def weighed_ratio(located: Located) -> float:
@@ -36,15 +54,18 @@ def most_left(c: Calibrated, f: Fit) -> float:
     return max(largest_ratio(c, f), *(left[s] / floors[s] for s in left if floors[s] > 0.0))
 
 
-def explained(c: Calibrated, none: Fit, f: Fit) -> float:
+def explained(c: Calibrated, none: Fit, f: Fit, is_sure: bool = False) -> float:
     """Share of the gap above the floor that a fit takes away on training samples, 0..1.
 
     Of its energy, lone spikes cut as everywhere. A gap that stands in rare events is those spikes: there the
-    share is that of the robust loss, in which each counts but none for all.
+    share is that of the robust loss, in which each counts but none for all. `is_sure`: the fit is beyond
+    doubt, so what it leaves shows that no more than that is noise: a fast gap makes a record look noisy.
     """
     floors = c.noise.weighted_rms(c.problem, c.noise.draws)
     before = c.noise.weighted_rms(c.problem, none.residual)
     after = c.noise.weighted_rms(c.problem, f.residual)
+    if is_sure:
+        floors = {s: min(v, after[s]) for s, v in floors.items()}
     ratios = [(before[s] / v, after[s] / v) for s, v in floors.items() if v > 0.0]
     was = sum(max(b**2 - 1.0, 0.0) for b, _ in ratios)
     left = sum(max(a**2 - 1.0, 0.0) for b, a in ratios)

@@ -11,35 +11,22 @@ from numpy.typing import NDArray
 
 from hil.gap.bank import Bank
 from hil.gap.causes import Shown, weighed_causes
-from hil.gap.clear import EXPLAINED, clear, other_than_steps, signals
+from hil.gap.clear import clear, signals
+from hil.gap.constancy import Variation
 from hil.gap.diagnosis import Cause, Diagnosis, Verdict
+from hil.gap.doubt import Told, by_share, doubt, explained_share
 from hil.gap.evidence import weigh
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.locate import RATIO
 from hil.gap.result import Located
-from hil.gap.shares import explained, largest_ratio
+from hil.gap.shares import largest_ratio, wild
 
 Array = NDArray[np.float64]
 
-SOFT: Final = 0.06
-"""How gradually."""
-OTHERWISE: Final = 0.03
-"""Chance that even what is all explained is none of the catalogue."""
 SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
 """Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
-CHANCE: Final = 5.0
-"""Nats below which the best of many candidates may be one by chance."""
-HOLDS: Final = 0.4
-"""Held-out shrink that a verdict must have, half of the time, where the gap stands STANDS floors high there:
-what is none of the catalogue is bent to fit what was seen and takes less off what was not [set on training
-cases and on the EMPS axis, where the published offset takes 0.46]. Steps of a signal are seen in its values:
-they need none."""
-BORNE_OUT: Final = 0.85
-"""Held-out shrink from which on less of the seen gap must be explained: FEW of its energy."""
-FEW: Final = 0.2
-STANDS: Final = 1.3
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
@@ -61,6 +48,15 @@ def _nothing_like_it(located: Located, held_out: str) -> Diagnosis:
     return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)
 
 
+def _jumps(located: Located, held_out: str, signal: str) -> Diagnosis:
+    """A signal with samples that nothing in the catalogue makes."""
+    sentence = (
+        f"A gap that nothing in the catalogue explains: samples of {signal} jump away from their neighbours "
+        "far more than its noise does."
+    )
+    return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)
+
+
 def answer(
     located: Located,
     c: Calibrated,
@@ -77,47 +73,49 @@ def answer(
     is_large = largest_ratio(c, none) > LARGE or max(s.ratio for s in located.signals) > RATIO
     weighed = clear(c, none, [w for w in weighed if w.fit.leaves], zero, is_large)
     if not weighed:
-        found = _nothing_like_it(located, held_out) if is_large else no_gap(located, held_out)
+        wild_one = wild(located)
+        if wild_one is not None:
+            found = _jumps(located, held_out, wild_one)
+        elif is_large:
+            found = _nothing_like_it(located, held_out)
+        else:
+            found = no_gap(located, held_out)
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
-    others = other_than_steps(first)
-    share = explained(c, none, first) if others else 1.0
-    unknown = _chance(share, EXPLAINED)
-    if gain < CHANCE:
-        unknown = max(unknown, 0.9)
-    if unknown > 0.5 and not is_large:
+    share = explained_share(c, none, first, gain)
+    if by_share(share, gain) > 0.5 and not is_large:
         return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
     rng = np.random.default_rng(seed + 2)
     shown = Shown(located, none, held, rng)
     part = shown.score(first, signals(c, none, first))
     whole = shown.score(first, c.problem.signals)
-    stands = part.before > STANDS * part.floor and len(others) == len(first.leaves)
-    if part.shrink is not None and stands:
-        if part.shrink > BORNE_OUT and gain > CHANCE:
-            unknown = _chance(share, FEW)
-        unknown = max(unknown, _chance(part.shrink, HOLDS))
+    unknown, varies = doubt(c, none, first, Told(share, gain, part), worth)
     causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(
         next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
         for leaf in first.leaves
     )
-    verdict, sentence = judge(chosen, causes, unknown, part.shrink)
+    verdict, sentence = judge(chosen, causes, unknown, part.shrink, varies)
     return Diagnosis(
         located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
         part, whole, held_out, not_excited(c, bank), first, none, c,
     )  # fmt: skip
 
 
-def _chance(share: float, half: float) -> float:
-    """That it is none of the catalogue, where `share` is explained and `half` is as likely as not."""
-    return OTHERWISE + (1.0 - OTHERWISE) / float(1.0 + np.exp((share - half) / SOFT))
-
-
 def judge(
-    chosen: Sequence[Cause], causes: Sequence[Cause], unknown: float, shrink: float | None
+    chosen: Sequence[Cause],
+    causes: Sequence[Cause],
+    unknown: float,
+    shrink: float | None,
+    varies: Variation | None = None,
 ) -> tuple[Verdict, str]:
-    """Verdict and sentence for the best set `chosen` among all `causes`."""
+    """Verdict and sentence for the best set `chosen` among all `causes`; `varies`: what speaks against it."""
     names = " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in chosen)
+    if unknown > 0.5 and varies is not None:
+        return "unknown", (
+            f"A gap that nothing in the catalogue explains; the nearest is {names}, but what it takes is not "
+            f"the same everywhere: it goes with {varies.with_}."
+        )
     if unknown > 0.5:
         return "unknown", (
             f"A gap that nothing in the catalogue explains; the nearest is {names}, which leaves too much."

@@ -16,6 +16,7 @@ from hil.gap.bicycle.noise import tempered, with_tolerances
 from hil.gap.bicycle.sets import fit_sets
 from hil.gap.diagnose import STRAIN, as_found
 from hil.gap.diagnosis import Cause, Diagnosis
+from hil.gap.doubt import STANDS
 from hil.gap.evidence import MORE
 from hil.gap.fit import Fit
 from hil.gap.heldout import Score, score, split, touched
@@ -24,7 +25,7 @@ from hil.gap.nuisances import Nuisance
 from hil.gap.problem import Mask
 from hil.gap.result import Located
 from hil.gap.training import begin
-from hil.gap.verdict import STANDS, answer, judge
+from hil.gap.verdict import answer, judge
 from hil.runs import Run
 
 EXPLAINED: Final = 0.72

@@ -103,6 +103,11 @@ class RideProblem(Problem):
         self.t_s: Array = np.concatenate(stamps)
         self.kept: Mask = np.concatenate(kept)
 
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """A bicycle has none."""
+        return ()
+
     def on(self, pieces: Any, clocks: Any) -> RideProblem:
         """The same questions of other rides."""
         del clocks  # drives have them
