@@ -329,7 +329,7 @@ def sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[s
         high = max(p.to_search(p.lower), p.to_search(p.upper))
         step = STEP.get(p.parameter, 0.0) * abs(x) or 0.5 * p.search_step
         if p.parameter == "gap":
-            step = max(0.1 * abs(x), 1e-5)
+            step = max(0.1 * abs(x), 2e-6)
         if p.parameter == "phase":
             step = 0.1
         if p.parameter == "delay":

@@ -26,7 +26,21 @@ SATURATED: Final = (1.0, 0.92, 1.06, 1.13)
 """Times the largest force or speed that the record itself has, where limits are looked for."""
 REACHED: Final = 0.995
 """Of what the twin needs: a rig that reached as much was not limited."""
-GAPS_M: Final = (1e-4, 1.7e-4, 2.8e-4, 4.5e-4, 7e-4, 1.1e-3, 1.6e-3, 2.4e-3, 3.5e-3, 5e-3)
+GAPS_M: Final = (
+    1.5e-5,
+    3e-5,
+    5.5e-5,
+    1e-4,
+    1.7e-4,
+    2.8e-4,
+    4.5e-4,
+    7e-4,
+    1.1e-3,
+    1.6e-3,
+    2.4e-3,
+    3.5e-3,
+    5e-3,
+)
 """When a flank is met, and how hard, changes with the gap: no linear picture of one holds far from it."""
 DELAYS_S: Final = (0.001, 0.002, 0.003, 0.0045, 0.006, 0.008, 0.01, 0.0125, 0.015, 0.02)
 """Forces have the cycle of the setpoints in them, so a delay has a best value in each cycle."""
