@@ -24,7 +24,7 @@ from hil.gap.nuisances import Nuisance, default_nuisances
 from hil.gap.result import Located
 from hil.gap.rounding import coarse_steps, rounded
 from hil.gap.runs import as_runs
-from hil.gap.shares import weighed_ratio, wild
+from hil.gap.shares import jumps, weighed_ratio
 from hil.gap.training import begin
 from hil.gap.verdict import answer, no_gap
 from hil.runs import Run
@@ -35,6 +35,9 @@ STRAIN: Final = 2.6
 """Prior standard deviations from which on a nuisance is suspected to hide an effect."""
 SUSPECT: Final = 1.2
 """Floors on any signal from which on candidates are weighed at all."""
+STIRRED: Final = 1.5
+"""Typical spreads of a position, lone samples and all, from which on rare events are looked for [set on
+training cases of two worlds: healthy rigs stay below 1.1]."""
 DRIFT: Final = 0.25
 """Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
 
@@ -100,7 +103,7 @@ def explain(
         or steps
         or _strained(located, chosen)
         or weighed_ratio(located) > SUSPECT
-        or wild(located) is not None
+        or jumps(located)[1] > STIRRED
     ):
         return no_gap(located, parts.text)
     c, none, search = begin(e, parts, chosen, without, say, steps, seed)

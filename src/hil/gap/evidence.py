@@ -29,6 +29,8 @@ SIMPLER: Final = 1.0
 """Such units that each parameter which these data determine must earn: of two laws that explain alike the one
 with fewer is meant more often, whatever small ways of the rig the other's freedom follows [set on training
 cases of two worlds]."""
+STUCK: Final = 6.0
+"""Such units that a parameter at its bound costs: what wants more than any rig has is another effect."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
 UNUSED: Final = 0.015
@@ -89,7 +91,9 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     real = np.array([bool(f.leaves) for f in fits])
     unit = max(1.0, RELATIVE * float(logs.max() - logs[~real].max()))
     told = np.array([np.sum(_felt(c, f, worth) < TOLD) for f in fits])
-    worth_of = np.where(real, logs / unit - SIMPLER * told, -np.inf if real.any() else 0.0)
+    ends = np.array([len(f.at_bound) for f in fits])
+    worth_of = logs / unit - SIMPLER * told - STUCK * ends
+    worth_of = np.where(real, worth_of, -np.inf if real.any() else 0.0)
     p = np.exp(worth_of - worth_of.max())
     p /= p.sum()
     order = np.argsort(-worth_of)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from hil.gap.about import about, is_swinging
 from hil.gap.bank import ABSOLUTE, shifted
 from hil.gap.leaves import Leaf
 from hil.gap.noise import NoiseModel
@@ -141,7 +142,7 @@ def fit(
     lower = np.concatenate([np.full(len(held), -LIMIT), [e[0] for e in ends]])
     upper = np.concatenate([np.full(len(held), LIMIT), [e[1] for e in ends]])
     spread = _spread(c, white)
-    for _ in range(rounds):
+    for _ in range(2 * rounds if is_swinging(names) else rounds):
         cost = _total(c, white, z, spread)
         B = sensitivities(c, vector, answer, names)
         J = np.hstack([A, B[c.train] * scale])
@@ -238,16 +239,10 @@ def _scanned(
     best: tuple[float, Array, Array, Array],
     spread: float,
 ) -> tuple[Array, Array, Array]:
-    """A start whose only parameter has a rugged cost (impacts, ticks, limits): the best of some about it."""
-    if len(start) != 1 or not next(iter(start)).endswith(RUGGED):
+    """A start with a rugged cost: the best of some about it."""
+    rows = about(c.problem.table, start, best[1])
+    if not len(rows):
         return best[1:]
-    name = next(iter(start))
-    i = c.problem.table.index(name)
-    p = c.problem.table[name]
-    rows = np.tile(best[1], (len(ABOUT), 1))
-    rows[:, i] = np.clip(
-        p.neutral * (1.0 - np.array(ABOUT)) + best[1][i] * np.array(ABOUT), p.lower, p.upper
-    )
     for row, answer in zip(rows, c.problem.answers(rows), strict=True):
         if np.all(np.isfinite(answer)):
             white = c.noise.whiten(c.problem, c.problem.measured - answer)
@@ -255,11 +250,6 @@ def _scanned(
             if cost < best[0]:
                 best = (cost, row, answer, best[3])
     return best[1:]
-
-
-RUGGED: Final = (".gap", ".delay", ".rate")
-ABOUT: Final = (0.6, 0.75, 0.87, 1.15, 1.3, 1.5)
-"""Times the start, from the parameter's neutral value."""
 
 
 NEARER: Final = (1.0, 0.3, 0.05)

@@ -46,8 +46,10 @@ DELAYS_S: Final = (0.001, 0.002, 0.003, 0.0045, 0.006, 0.008, 0.01, 0.0125, 0.01
 """Forces have the cycle of the setpoints in them, so a delay has a best value in each cycle."""
 RATES: Final = (2e-5, 3e-4, 1e-3, 3e-3, 6e-3)
 """Of a clock, s/s: over a record even small ones move signals by more than any linear picture holds."""
-STIFFNESS: Final = (4.0, 1.0, 0.25)
-"""Times the scale."""
+SWINGS_HZ: Final = (5.0, 8.0, 12.0, 18.0, 27.0, 40.0)
+"""Of the load on a transmission that gives, its motor held: what a drive carries swings nowhere else."""
+DAMPED: Final = 0.08
+"""Of critical."""
 WIDTHS_M: Final = (2e-4, 2e-3, 1e-2)
 STRIBECK_M_S: Final = (0.003, 0.015, 0.06)
 
@@ -129,9 +131,7 @@ def _actuator(
         leaf("backlash", "gap", [({}, {"gap": g}) for g in GAPS_M]),
         leaf("hysteresis", "force displacement",
              [({"displacement": x}, {"force": f}) for x in WIDTHS_M]),
-        leaf("compliance", "stiffness damping",
-             [({"damping": 500.0}, {"stiffness": k * scale("compliance", "stiffness")})
-              for k in STIFFNESS]),
+        leaf("compliance", "stiffness damping", [_spring(a, f_hz) for f_hz in SWINGS_HZ]),
         leaf("actuator_inertia", "mass", [({}, {"mass": scale("actuator_inertia", "mass")})]),
         leaf("force_constant", "scale", [({}, {"scale": 1.05})]),
         leaf("loop_gain", "position speed integral",
@@ -161,6 +161,13 @@ def _actuator(
     lead += [({"period": p}, *_waves(5e-5)) for p in lead_periods(problem, residual, name)]
     out.append(leaf("lead_error", "scale amplitude period phase", lead))
     return out
+
+
+def _spring(a: Actuator, swing_hz: float) -> tuple[Changes, Changes]:
+    """Damping, and the stiffness on which what the actuator carries swings with `swing_hz`."""
+    load_kg = max(a.effective_mass - a.reflected_mass, 0.1 * a.effective_mass)
+    stiffness = load_kg * (2.0 * math.pi * swing_hz) ** 2
+    return {"damping": 2.0 * DAMPED * math.sqrt(stiffness * load_kg)}, {"stiffness": stiffness}
 
 
 def _waves(amplitude: float) -> tuple[Changes, Changes]:

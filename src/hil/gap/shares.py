@@ -11,17 +11,15 @@ from hil.gap.result import Located
 
 FAINT: Final = 0.3
 """Squared floors of energy above the floor that are too few to speak of."""
-WILD: Final = 3.0
-"""Typical spreads of its noise [set on training cases of two worlds: healthy ones stay below 1.1]."""
 RARE: Final = 1.35
 """Floors of the usual residual up to which a gap is one of rare events."""
 
 
-def wild(located: Located) -> str | None:
-    """The position signal whose residual, lone samples and all, stands furthest above its floor, from WILD
-    times on: an encoder's answers do not jump by themselves. None where there is none."""
+def jumps(located: Located) -> tuple[str | None, float]:
+    """The position signal whose residual, lone samples and all, stands furthest above its noise, and how many
+    typical spreads: an encoder's answers do not jump by themselves."""
     e = located.evidence
-    worst, most = None, WILD
+    worst, most = None, 0.0
     for x in e.problem.series:
         if x.quantity != "position":
             continue
@@ -30,7 +28,7 @@ def wild(located: Located) -> str | None:
         ratio = float(np.sqrt(np.mean(left**2))) if len(left) else 0.0
         if ratio > most:
             worst, most = x.signal, ratio
-    return worst
+    return worst, most
 
 
 def weighed_ratio(located: Located) -> float:

@@ -19,7 +19,7 @@ from hil.gap.evidence import weigh
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.locate import RATIO
 from hil.gap.result import Located
-from hil.gap.shares import largest_ratio, wild
+from hil.gap.shares import jumps, largest_ratio
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,8 @@ SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
 """Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
+WILD: Final = 3.0
+"""Typical spreads of a position, lone samples and all, that are a gap alone."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
@@ -73,9 +75,9 @@ def answer(
     is_large = largest_ratio(c, none) > LARGE or max(s.ratio for s in located.signals) > RATIO
     weighed = clear(c, none, [w for w in weighed if w.fit.leaves], zero, is_large)
     if not weighed:
-        wild_one = wild(located)
-        if wild_one is not None:
-            found = _jumps(located, held_out, wild_one)
+        signal, by = jumps(located)
+        if signal is not None and by > WILD:
+            found = _jumps(located, held_out, signal)
         elif is_large:
             found = _nothing_like_it(located, held_out)
         else:

@@ -1,0 +1,51 @@
+"""Starts about a start, for parameters whose cost is rugged: gaps, ticks, and swings that must be met.
+
+An impact that comes early, a tick too late, a spring that swings at the wrong frequency: near the truth each
+looks worse than none, so no slope leads there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.sim.parameters import ParameterTable
+
+Array = NDArray[np.float64]
+
+RUGGED: Final = (".gap", ".delay", ".rate")
+ABOUT: Final = (0.6, 0.75, 0.87, 1.15, 1.3, 1.5)
+"""Times the start, from the parameter's neutral value."""
+SPRING: Final = ".compliance.stiffness"
+STIFFER: Final = (0.4, 0.55, 0.75, 1.0, 1.35, 1.8, 2.5)
+LOOSER: Final = (0.4, 1.0, 2.5)
+"""Times the damping ratio of the start."""
+
+
+def is_swinging(names: Iterable[str]) -> bool:
+    """Whether a swing is among the parameters: its frequency and damping take long to settle."""
+    return any(n.endswith(SPRING) for n in names)
+
+
+def about(table: ParameterTable, start: Mapping[str, float], vector: Array) -> Array:
+    """(B, P of `table`) vectors about `vector`, at which the parameters named in `start` were set."""
+    spring = next((n for n in start if n.endswith(SPRING)), None)
+    if spring is not None:
+        k, d = table.index(spring), table.index(spring.replace("stiffness", "damping"))
+        pairs = np.array([(s, x) for s in STIFFER for x in LOOSER])
+        rows = np.tile(vector, (len(pairs), 1))
+        rows[:, k] = np.clip(vector[k] * pairs[:, 0], table[spring].lower, table[spring].upper)
+        rows[:, d] = vector[d] * pairs[:, 1] * np.sqrt(pairs[:, 0])
+        return rows
+    name = next(iter(start), "")
+    if len(start) != 1 or not name.endswith(RUGGED):
+        return np.empty((0, len(vector)))
+    i, p = table.index(name), table[name]
+    rows = np.tile(vector, (len(ABOUT), 1))
+    rows[:, i] = np.clip(
+        p.neutral * (1.0 - np.array(ABOUT)) + vector[i] * np.array(ABOUT), p.lower, p.upper
+    )
+    return rows
