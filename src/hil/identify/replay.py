@@ -34,6 +34,8 @@ class Stretch:
     """By signal (`leg1.position`, `imu.gyro_x`): receive instants and values."""
     mode: Literal["position", "force"] = "position"
     payload: Payload | None = None
+    stamped: Stretch | None = None
+    """The stretch as the record has it, where its samples and setpoints were moved to when they happened."""
 
     @property
     def span_s(self) -> tuple[float, float]:

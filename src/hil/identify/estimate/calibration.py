@@ -7,9 +7,9 @@ sampled in step with the setpoints, so a force that pulses at every new setpoint
 same phase, which looks like friction and inertia that are not there; Coulomb friction has corners; filters
 meet nonlinear terms.
 
-When exactly a setpoint got through the bus, no record says: stamps are of sending, and frames of others go
-first. So replays draw other arrival times, each counts by how well its forces fit the measured ones, and
-what they change counts as uncertainty.
+When exactly a frame got through the bus, no record says: stamps of setpoints are of sending, and frames of
+others go first. So replays draw other arrival times, each counts by how well its forces fit the measured
+ones, and what they change counts as uncertainty.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import RigFile
-from hil.identify.replay import Series, Stretch, replay_of
+from hil.identify.estimate import stamps
+from hil.identify.replay import Stretch, replay_of
 from hil.sim.twin import Twin
 
 Array = NDArray[np.float64]
@@ -109,15 +110,18 @@ def simulated(
         signals = [
             s for s in piece.samples if s.endswith((".position", ".force")) and s in twin.signals
         ]
-        told = piece if rng is None else replace(piece, setpoints=redrawn(rig, piece, rng))
+        told = piece if rng is None else redrawn(rig, piece, rng)
         job = replay_of(twin, told, signals)
         vector = twin.table.vector(effects, twin.parameters)
         out.append(piece.with_samples(job.by_signal(job.run(vector))))
     return out
 
 
-def redrawn(rig: RigFile, piece: Stretch, rng: np.random.Generator) -> dict[str, Series]:
-    """Setpoints at other instants that the same record could mean."""
+def redrawn(rig: RigFile, piece: Stretch, rng: np.random.Generator) -> Stretch:
+    """The stretch with setpoints, and samples that waited, at other instants that its record could mean."""
+    again = stamps.redrawn(rig, piece, rng)
+    if again is not None:
+        return again
     wait_s = QUEUE_FRAMES * FRAME_BITS / rig.can.bitrate
     out = {}
     for name, (t, value) in piece.setpoints.items():
@@ -127,4 +131,4 @@ def redrawn(rig: RigFile, piece: Stretch, rng: np.random.Generator) -> dict[str,
         moved = even + jitter * (t - even) + wait_s * rng.uniform()
         moved = moved + wait_s * queueing * (rng.uniform(size=len(t)) - 0.5)
         out[name] = (np.maximum.accumulate(moved), value)
-    return out
+    return replace(piece, setpoints=out)

@@ -27,6 +27,7 @@ from hil.identify.estimate.names import is_rig_number, with_numbers
 from hil.identify.estimate.prepare import cutoff_of, prepare
 from hil.identify.estimate.regression import BodySet, Regression, regression
 from hil.identify.estimate.result import Estimate, Identification, estimates
+from hil.identify.estimate.stamps import placed
 from hil.identify.replay import Stretch, stretches
 from hil.runs import Run
 
@@ -80,7 +81,7 @@ def checked(runs: Sequence[Run], rig: RigFile) -> tuple[list[Stretch], list[str]
         pieces += stretches(run)
     for piece in pieces:
         notes += check_signals(piece, rig)
-    return pieces, notes
+    return placed(rig, pieces), notes
 
 
 def identify(runs: Sequence[Run], rig: RigFile, options: LinearOptions | None = None) -> Outcome:

@@ -103,7 +103,7 @@ def timing_spread(
     shifts, misfits = [np.zeros(len(scale))], [_misfit(problem, reference)]
     rng = np.random.default_rng(options.seed)
     for _ in range(options.draws - 1):
-        moved = [replace(p, setpoints=redrawn(rig, p, rng)) for p in pieces]
+        moved = [redrawn(rig, p, rng) for p in pieces]
         other = TwinProblem(rig, moved, problem.names, options.quantities)
         flat = other.predict(best.values[None, :])[0]
         shift = scale * (gain @ best.noise.whiten(problem, flat - reference))

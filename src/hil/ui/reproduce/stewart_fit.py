@@ -99,15 +99,8 @@ def two_stage(played: Mapping[str, Played], lengths: Lengths) -> TwoStage:
 
 
 def with_forces(played: Mapping[str, Played]) -> dict[str, Value]:
-    """Ten body parameters and friction from lengths and forces of the sweeps, legs' rotors known.
-
-    The twin that corrects the estimate has to know the delay: a millisecond moves the pulses of force. It
-    is found from the lengths with this model: without friction (the paper's) it comes out 0.7 ms too long.
-    """
+    """Ten body parameters and friction from lengths and forces of the sweeps, legs' rotors known."""
     rig = played["roll"].job.rig
-    rig = with_numbers(
-        rig, {DELAY: _fitted(rig, [played[c] for c in ROTATIONS], (DELAY,))[DELAY].value}
-    )
     runs = [played[c].run for c in ROTATIONS]
     found = identify(runs, rig, LinearOptions(body="full")).identification
     plain = {e.name: e.value for e in found.estimates}
