@@ -9,23 +9,29 @@ what these columns take off beyond all that the fit and the nuisances could tell
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.gap.bank import Bank
 from hil.gap.fit import Calibrated, Fit, sensitivities
 from hil.gap.frames import EFFECT as LOST
+from hil.gap.joint import LEFT
 from hil.gap.leaves import Leaf
 from hil.gap.problem import Problem, Series
 from hil.gap.rounding import EFFECT as ROUNDED
+from hil.gap.search import Search
+from hil.gap.shares import most_left
 
 Array = NDArray[np.float64]
 
 CUT: Final = 8.0
 """Spreads of what the fit leaves, at which whitened samples are cut."""
 RIDGE: Final = 1e-6
+FAINT: Final = 0.004
+"""Shares that no doubt comes from, whatever else could explain them."""
 CREEP: Final = 0.05
 """Of the largest speed, up to which the direction of motion is no more than begun."""
 
@@ -39,11 +45,14 @@ class Variation:
     share: float
 
 
-def variation(c: Calibrated, none: Fit, f: Fit, worth: float) -> Variation | None:
-    """The largest variation of any effect of a fit, chance aside; None where no parameter has a column, or no
-    actuator moves. `worth`: by how much an estimate's variance is larger than independent noise makes it."""
+def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Variation | None:
+    """The largest variation of any effect of a fit, less chance and what another effect of `bank` could take
+    off as well; None where the fit leaves nothing, no parameter has a column, or no actuator moves.
+
+    `worth`: by how much an estimate's variance is larger than independent noise makes it.
+    """
     leaves = [x for x in f.leaves if x.effect not in (LOST, ROUNDED)]
-    if not leaves or not c.problem.actuators:
+    if not leaves or not c.problem.actuators or most_left(c, f) < LEFT:
         return None
     rows = c.train
     answer = c.problem.measured - f.residual
@@ -65,7 +74,17 @@ def variation(c: Calibrated, none: Fit, f: Fit, worth: float) -> Variation | Non
             varied = np.hstack([own * s[:, None] for s in slow])[rows]
             beyond = picture.gain(varied) - 0.5 * worth * varied.shape[1]
             out.append(Variation(leaf, with_, max(beyond, 0.0) / explained))
-    return max(out, key=lambda v: v.share)
+    most = max(out, key=lambda v: v.share)
+    if most.share < FAINT:
+        return most
+    return replace(most, share=max(most.share - _another(c, f, bank) / explained, 0.0))
+
+
+def _another(c: Calibrated, f: Fit, bank: Bank) -> float:
+    """Nats that the best candidate beside a fit's own could take off what it leaves."""
+    own = {x.name for x in f.leaves}
+    found = Search(replace(c, z=f.z), bank, f.white).alone()
+    return max([0.0, *(p.gain for p in found if bank.leaves[p.leaves[0]].name not in own)])
 
 
 class _Picture:

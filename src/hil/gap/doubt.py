@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from hil.gap.bank import Bank
 from hil.gap.clear import EXPLAINED, other_than_steps
 from hil.gap.constancy import Variation, variation
 from hil.gap.fit import Calibrated, Fit
@@ -38,11 +39,11 @@ WELL: Final = (0.8, 0.95)
 """Shares explained of what was seen, between which HOLDS falls to HARMLESS: impacts come at other instants in
 another motion, and an effect that explains all of what was seen is there all the same."""
 HARMLESS: Final = -0.1
-VARIES: Final = 0.012
+VARIES: Final = 0.014
 """Share of what is explained that a varying parameter may add, half of the time: a catalogue's effect of
 another law adds less than 0.004, its neighbours from outside more than 0.028 [set on training cases of two
 worlds]."""
-STEEP: Final = 0.35
+STEEP: Final = 0.25
 """How gradually, in the logarithm of that share."""
 
 
@@ -61,7 +62,7 @@ def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
 
 
 def doubt(
-    c: Calibrated, none: Fit, f: Fit, told: Told, worth: float
+    c: Calibrated, none: Fit, f: Fit, told: Told, bank: Bank, worth: float
 ) -> tuple[float, Variation | None]:
     """The chance, and the variation of a parameter where that is what tells."""
     others = other_than_steps(f)
@@ -73,7 +74,7 @@ def doubt(
             chance = _chance(told.share, FEW)
         holds = float(np.interp(told.share, WELL, (HOLDS, HARMLESS)))
         chance = max(chance, _chance(part.shrink, holds))
-    varies = variation(c, none, f, worth) if others else None
+    varies = variation(c, none, f, bank, worth) if others else None
     if varies is None:
         return chance, None
     other = OTHERWISE + (1.0 - OTHERWISE) / (

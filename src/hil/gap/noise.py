@@ -324,6 +324,12 @@ def _loud(values: Array) -> float:
     return float(np.mean(size[: max(int(COMMON * len(size)), 1)]))
 
 
+def _usual(values: Array) -> float:
+    """Mean square of the smaller USUAL of `values`: frames that some repeats lost are no noise."""
+    size = np.sort(values.ravel() ** 2)
+    return float(np.mean(size[: max(int(USUAL * len(size)), 1)]))
+
+
 def _by_repeats(
     problem: Problem, drawn: Array, repeats: Sequence[Repeats], residual: Array
 ) -> tuple[Array, Mapping[str, float]]:
@@ -331,17 +337,12 @@ def _by_repeats(
     out = np.array(drawn)
     factors = {}
     for signal in problem.signals:
-        measured, modelled, count = 0.0, 0.0, 0
-        for r in repeats:
-            first, second = r.pairs.get(signal, (np.empty(0, int), np.empty(0, int)))
-            measured += float(np.sum((residual[first] - residual[second]) ** 2))
-            modelled += float(
-                np.sum((drawn[:, first] - drawn[:, second]) ** 2) / max(len(drawn), 1)
-            )
-            count += len(first)
-        if count < 50:
+        pairs = [r.pairs[signal] for r in repeats if signal in r.pairs]
+        if sum(len(first) for first, _ in pairs) < 50:
             continue
-        factors[signal] = float(np.sqrt(measured / max(modelled, 1e-300)))
+        measured = np.concatenate([residual[first] - residual[second] for first, second in pairs])
+        modelled = np.hstack([drawn[:, first] - drawn[:, second] for first, second in pairs])
+        factors[signal] = float(np.sqrt(_usual(measured) / max(_usual(modelled), 1e-300)))
         for x in problem.series:
             if x.signal == signal:
                 out[:, x.part] *= factors[signal]

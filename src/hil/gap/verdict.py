@@ -91,7 +91,7 @@ def answer(
     shown = Shown(located, none, held, rng)
     part = shown.score(first, signals(c, none, first))
     whole = shown.score(first, c.problem.signals)
-    unknown, varies = doubt(c, none, first, Told(share, gain, part), worth)
+    unknown, varies = doubt(c, none, first, Told(share, gain, part), bank, worth)
     causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(
         next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
