@@ -36,6 +36,8 @@ SPIKE: Final = 4.0
 NEIGHBOURS: Final = 5
 USUAL: Final = 0.8
 """Share of the samples, the quieter ones, that tell a gap from many frames that came at the wrong tick."""
+RARE: Final = 1.8
+"""Times what the usual samples say, from which on differences of repeats are rare events and no noise."""
 LEVEL_RANGE: Final = (0.3, 3.0)
 """Times the noise model; more than that in the fastest part of a residual is gap."""
 LOUDER: Final = 1.1
@@ -324,10 +326,20 @@ def _loud(values: Array) -> float:
     return float(np.mean(size[: max(int(COMMON * len(size)), 1)]))
 
 
-def _usual(values: Array) -> float:
-    """Mean square of the smaller USUAL of `values`: frames that some repeats lost are no noise."""
+def _factor(measured: Array, modelled: Array) -> float:
+    """Times that differences of repeats are larger than `modelled` ones; by the usual ones of both where rare
+    ones make RARE of it, for frames that some repeats lost are no noise."""
+    all_of_them, usual = (
+        float(np.sqrt(_mean_square(measured, share) / max(_mean_square(modelled, share), 1e-300)))
+        for share in (1.0, USUAL)
+    )
+    return usual if all_of_them > RARE * usual else all_of_them
+
+
+def _mean_square(values: Array, share: float) -> float:
+    """Of the smaller `share` of values."""
     size = np.sort(values.ravel() ** 2)
-    return float(np.mean(size[: max(int(USUAL * len(size)), 1)]))
+    return float(np.mean(size[: max(int(share * len(size)), 1)]))
 
 
 def _by_repeats(
@@ -342,7 +354,7 @@ def _by_repeats(
             continue
         measured = np.concatenate([residual[first] - residual[second] for first, second in pairs])
         modelled = np.hstack([drawn[:, first] - drawn[:, second] for first, second in pairs])
-        factors[signal] = float(np.sqrt(_usual(measured) / max(_usual(modelled), 1e-300)))
+        factors[signal] = _factor(measured, modelled)
         for x in problem.series:
             if x.signal == signal:
                 out[:, x.part] *= factors[signal]
