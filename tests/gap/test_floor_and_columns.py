@@ -7,7 +7,7 @@ from hil.configfile import load_rig
 from hil.gap.bank import fill_bank
 from hil.gap.draws import sensor_sigma
 from hil.gap.leaves import find_leaves
-from hil.gap.noise import HEALTHY, Level, find_noise
+from hil.gap.noise import HEALTHY, Level, _factor, find_noise
 from hil.gap.problem import Problem
 from hil.gap.runs import as_runs
 from hil.identify.replay import Stretch, stretches
@@ -69,3 +69,12 @@ def test_a_homing_error_of_one_leg_shows_in_all_signals_and_its_friction_in_its_
     }
     assert moved["leg2.position_offset"] > 0.005
     assert moved["leg2.coulomb_friction"] == 0.0
+
+
+def test_frames_that_some_repeats_lost_are_no_noise_of_theirs():
+    rng = np.random.default_rng(3)
+    modelled = rng.standard_normal((6, 4000))
+    measured = 1.2 * rng.standard_normal(4000)
+    assert _factor(measured, modelled) == pytest.approx(1.2, rel=0.05)
+    measured[::25] *= 20.0
+    assert _factor(measured, modelled) == pytest.approx(1.2, rel=0.15)

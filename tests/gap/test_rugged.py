@@ -1,0 +1,32 @@
+"""Effects whose cost is rugged are found from afar: the swing of a spring, a flank some micrometres away."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.gap import diagnose
+from hil.gap.about import about
+from hil.sim.parameters import ParameterTable
+from tests.gap.twin_runs import AXIS, effect, record
+
+STIFFNESS = 1.3e5
+
+
+def test_a_spring_that_swings_between_the_starts_is_found() -> None:
+    found = diagnose(record(effect("compliance", stiffness=STIFFNESS, damping=400.0)), AXIS)
+    assert [x.effect for x in found.effects] == ["compliance"]
+    parameters = found.effects[0].parameters
+    assert parameters["stiffness"].value == pytest.approx(STIFFNESS, rel=0.05)
+    assert parameters["damping"].value == pytest.approx(400.0, rel=0.3)
+
+
+def test_starts_about_a_start_move_nothing_but_what_is_rugged() -> None:
+    table = ParameterTable(AXIS)
+    vector = table.vector({"axis.backlash.gap": 2e-5})
+    rows = about(table, {"axis.backlash.gap": 2e-5}, vector)
+    gap = table.index("axis.backlash.gap")
+    assert rows[:, gap].min() < 1.3e-5
+    assert rows[:, gap].max() == pytest.approx(3e-5)
+    rows[:, gap] = vector[gap]
+    assert (rows == vector).all()
+    assert not len(about(table, {"axis.coulomb_friction.force": 5.0}, vector))
