@@ -43,6 +43,9 @@ VARIES: Final = 0.014
 """Share of what is explained that a varying parameter may add, half of the time: a catalogue's effect of
 another law adds less than 0.004, its neighbours from outside more than 0.028 [set on training cases of two
 worlds]."""
+WAVES: Final = frozenset({"force_ripple", "lead_error"})
+WAVE_VARIES: Final = 0.04
+"""VARIES for them: a wave of another shape looks a little like one that changes with place."""
 STEEP: Final = 0.25
 """How gradually, in the logarithm of that share."""
 
@@ -77,9 +80,9 @@ def doubt(
     varies = variation(c, none, f, bank, worth) if others else None
     if varies is None:
         return chance, None
-    other = OTHERWISE + (1.0 - OTHERWISE) / (
-        1.0 + (VARIES / max(varies.share, 1e-9)) ** (1.0 / STEEP)
-    )
+    half = WAVE_VARIES if varies.leaf.effect in WAVES else VARIES
+    odds = (half / max(varies.share, 1e-9)) ** (1.0 / STEEP)
+    other = OTHERWISE + (1.0 - OTHERWISE) / (1.0 + odds)
     return max(chance, other), varies if other > max(chance, 0.5) else None
 
 
