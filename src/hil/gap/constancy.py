@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.bank import Bank
-from hil.gap.fit import Calibrated, Fit, sensitivities
+from hil.gap.fit import Calibrated, Fit, sensitivities, spread_of
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.joint import LEFT
 from hil.gap.leaves import Leaf
@@ -41,7 +41,7 @@ class Variation:
     """With what the parameters of a fit's effect vary most, and how much of the explained gap that is."""
 
     leaf: Leaf
-    with_: str
+    goes_with: str
     share: float
 
 
@@ -57,7 +57,7 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
     rows = c.train
     answer = c.problem.measured - f.residual
     columns = sensitivities(c, f.vector, answer, f.names)
-    spread = max(1.0, 1.4826 * float(np.median(np.abs(f.white[rows]))))
+    spread = spread_of(c, f.white)
     cut = CUT * spread
     left = np.clip(f.white[rows], -cut, cut)
     explained = 0.5 * float(np.sum(np.clip(none.white[rows], -cut, cut) ** 2 - left**2))
@@ -70,10 +70,10 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
     out = []
     for leaf in leaves:
         own = columns[:, [k for k, n in enumerate(f.names) if n in leaf.parameters]]
-        for with_, slow in _slow(c.problem, leaf, motion).items():
+        for goes_with, slow in _slow(c.problem, leaf, motion).items():
             varied = np.hstack([own * s[:, None] for s in slow])[rows]
             beyond = picture.gain(varied) - 0.5 * worth * varied.shape[1]
-            out.append(Variation(leaf, with_, max(beyond, 0.0) / explained))
+            out.append(Variation(leaf, goes_with, max(beyond, 0.0) / explained))
     most = max(out, key=lambda v: v.share)
     if most.share < FAINT:
         return most

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from hil.gap.bank import Bank
-from hil.gap.clear import EXPLAINED, other_than_steps
+from hil.gap.clear import DECISIVE, EXPLAINED, other_than_steps
 from hil.gap.constancy import Variation, variation
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.heldout import Score
@@ -24,8 +24,6 @@ OTHERWISE: Final = 0.03
 """Chance that even what is all explained is none of the catalogue."""
 CHANCE: Final = 5.0
 """Nats below which the best of many candidates may be one by chance."""
-DECISIVE: Final = 120.0
-"""Nats from which on what a fit leaves is a better measure of noise than a record's fastest part."""
 HOLDS: Final = 0.4
 """Held-out shrink that a verdict must have, half of the time, where the gap stands STANDS floors high there:
 what is none of the catalogue is bent to fit what was seen and takes less off what was not [set on training
@@ -60,7 +58,10 @@ class Told:
 
 
 def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
-    """Share of the seen gap that a fit of `gain` nats explains; steps of a signal are no question."""
+    """Share of the seen gap that a fit of `gain` nats explains; steps of a signal are no question.
+
+    From DECISIVE nats on what a fit leaves is a better measure of noise than a record's fastest part.
+    """
     return explained(c, none, f, is_sure=gain > DECISIVE) if other_than_steps(f) else 1.0
 
 

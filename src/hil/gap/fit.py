@@ -141,7 +141,7 @@ def fit(
     covariance: Array = np.diag((WEAK * scale) ** 2)
     lower = np.concatenate([np.full(len(held), -LIMIT), [e[0] for e in ends]])
     upper = np.concatenate([np.full(len(held), LIMIT), [e[1] for e in ends]])
-    spread = _spread(c, white)
+    spread = spread_of(c, white)
     for _ in range(2 * rounds if is_swinging(names) else rounds):
         cost = _total(c, white, z, spread)
         B = sensitivities(c, vector, answer, names)
@@ -170,7 +170,7 @@ def fit(
                 vector, answer, residual, white = trial, answer_new, left, white_new
                 z, x = point[: len(held)], point[len(held) :] * scale
                 break
-        before, spread = spread, _spread(c, white)
+        before, spread = spread, spread_of(c, white)
         if (
             gained < SETTLED * max(cost / max(c.train.sum(), 1), 0.02) * c.train.sum()
             and spread > 0.8 * before
@@ -190,7 +190,7 @@ def fit(
     )  # fmt: skip
 
 
-def _spread(c: Calibrated, white: Array) -> float:
+def spread_of(c: Calibrated, white: Array) -> float:
     """Of a whitened residual, at least 1: the robust loss is widened to it while a fit is far from the data,
     where it would be flat."""
     return max(1.0, 1.4826 * float(np.median(np.abs(white[c.train]))))
@@ -203,7 +203,7 @@ def _begin(
 
     Amplitudes come from a linear picture, which may promise too much of what these data hardly hold.
     """
-    spread = _spread(c, c.white)
+    spread = spread_of(c, c.white)
     unmoved = _total(c, c.white, c.z[held], spread)
     best: tuple[float, Array, Array, Array] | None = None
     for share in NEARER:

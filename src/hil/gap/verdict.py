@@ -116,7 +116,7 @@ def judge(
     if unknown > 0.5 and varies is not None:
         return "unknown", (
             f"A gap that nothing in the catalogue explains; the nearest is {names}, but what it takes is not "
-            f"the same everywhere: it goes with {varies.with_}."
+            f"the same everywhere: it goes with {varies.goes_with}."
         )
     if unknown > 0.5:
         return "unknown", (
