@@ -2,36 +2,42 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from hil.compiled import compiled
+from hil.compiled import inner
 
 
-@compiled
-def add_at_point(M_P, f, r, Mw, hw):  # type: ignore[no-untyped-def]
-    """Add a mass tensor M_P (3,3) and force f (3,) that act at r from the origin to M_W, h_W."""
+@inner
+def add_at_point(m_n, n, m, f, r, Mw, hw):  # type: ignore[no-untyped-def]
+    """Add the mass tensor m_n n n^T + diag(m) and a force f that act at r from the origin to M_W, h_W; n, m,
+    f, r of three numbers each."""
     rx, ry, rz = r
-    X = np.empty((3, 3))  # -M_P r~
-    for i in range(3):
-        a, b, c = M_P[i, 0], M_P[i, 1], M_P[i, 2]
-        X[i, 0], X[i, 1], X[i, 2] = c * ry - b * rz, a * rz - c * rx, b * rx - a * ry
+    mx, my, mz = m
+    c = (ry * n[2] - rz * n[1], rz * n[0] - rx * n[2], rx * n[1] - ry * n[0])  # r x n
     for i in range(3):
         hw[i] += f[i]
+        Mw[i, i] += m[i]
         for j in range(3):
-            Mw[i, j] += M_P[i, j]
-            Mw[i, 3 + j] += X[i, j]
-            Mw[3 + j, i] += X[i, j]
-    for j in range(3):  # r~ X
-        a, b, c = X[0, j], X[1, j], X[2, j]
-        Mw[3, 3 + j] += ry * c - rz * b
-        Mw[4, 3 + j] += rz * a - rx * c
-        Mw[5, 3 + j] += rx * b - ry * a
+            Mw[i, j] += m_n * n[i] * n[j]
+            Mw[i, 3 + j] += m_n * n[i] * c[j]
+            Mw[3 + j, i] += m_n * n[i] * c[j]
+            Mw[3 + i, 3 + j] += m_n * c[i] * c[j]
+    for i, j, x in (  # diag(m) r~^T
+        (0, 4, mx * rz), (0, 5, -mx * ry), (1, 3, -my * rz),
+        (1, 5, my * rx), (2, 3, mz * ry), (2, 4, -mz * rx),
+    ):  # fmt: skip
+        Mw[i, j] += x
+        Mw[j, i] += x
+    Mw[3, 3] += my * rz * rz + mz * ry * ry  # r~ diag(m) r~^T
+    Mw[4, 4] += mx * rz * rz + mz * rx * rx
+    Mw[5, 5] += mx * ry * ry + my * rx * rx
+    for i, j, x in ((3, 4, mz * rx * ry), (3, 5, my * rx * rz), (4, 5, mx * ry * rz)):
+        Mw[i, j] -= x
+        Mw[j, i] -= x
     hw[3] += ry * f[2] - rz * f[1]
     hw[4] += rz * f[0] - rx * f[2]
     hw[5] += rx * f[1] - ry * f[0]
 
 
-@compiled
+@inner
 def body_terms(body, gravity, R, k, Mw, hw):  # type: ignore[no-untyped-def]
     """Newton-Euler of the platform about its origin: fills M_W (6,6) and h_W (6,)."""
     m = body[0]
@@ -78,7 +84,7 @@ def body_terms(body, gravity, R, k, Mw, hw):  # type: ignore[no-untyped-def]
     Mw[5, 4] -= m * ry * rz
 
 
-@compiled
+@inner
 def leg_terms(leg, planar, n, length, length_dot, n_dot, bias, r, gravity, Mw, hw):  # type: ignore[no-untyped-def]
     """Two-body leg between base joint and platform joint, exact, as a mass at the platform joint.
 
@@ -95,24 +101,13 @@ def leg_terms(leg, planar, n, length, length_dot, n_dot, bias, r, gravity, Mw, h
     w2 = n_dot[0] * n_dot[0] + n_dot[1] * n_dot[1] + n_dot[2] * n_dot[2]
     lift = (m1 * c1 - m2 * c2) / length
     g_n = n[0] * gravity[0] + n[1] * gravity[1] + n[2] * gravity[2]
-    M_P = np.empty((3, 3))
-    f = np.empty(3)
-    for i in range(3):
-        for j in range(3):
-            M_P[i, j] = (m2 - m_t) * n[i] * n[j]
-        M_P[i, i] += m_t
+    m_y = m1 + m2 if planar else m_t
+    along = (m2 - m_t) * (n[0] * bias[0] + n[1] * bias[1] + n[2] * bias[2])
+    along += m2 * c2 * w2 + lift * g_n
+    pull = lift + m2
+    fx = n[0] * along + m_t * bias[0] + swing * n_dot[0] - pull * gravity[0]
+    fy = n[1] * along + m_t * bias[1] + swing * n_dot[1] - pull * gravity[1]
+    fz = n[2] * along + m_t * bias[2] + swing * n_dot[2] - pull * gravity[2]
     if planar:
-        M_P[1, 1] = m1 + m2
-    for i in range(3):
-        f[i] = (
-            M_P[i, 0] * bias[0]
-            + M_P[i, 1] * bias[1]
-            + M_P[i, 2] * bias[2]
-            + n[i] * m2 * c2 * w2
-            + swing * n_dot[i]
-            - lift * (gravity[i] - n[i] * g_n)
-            - m2 * gravity[i]
-        )
-    if planar:
-        f[1] = (m1 + m2) * (bias[1] - gravity[1])
-    add_at_point(M_P, f, r, Mw, hw)
+        fy = (m1 + m2) * (bias[1] - gravity[1])
+    add_at_point(m2 - m_t, n, (m_t, m_y, m_t), (fx, fy, fz), r, Mw, hw)

@@ -34,14 +34,14 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 from hil.rigs.bodies import add_at_point, body_terms, leg_terms
 from hil.rigs.twist import AXIS, MOTORCYCLE, PENDULUM, STEWART, platform_motion, platform_twist
 
 __all__ = ["AXIS", "MOTORCYCLE", "PENDULUM", "STEWART", "platform_motion", "terms", "twist_terms"]
 
 
-@compiled
+@inner
 def twist_terms(kind, geometry, body, legs, gravity, R, k, Mw, hw, rho, Jw, jw):  # type: ignore[no-untyped-def]
     """M_W Wd + h_W = J_W^T F + constraint wrench; rho; rho_ddot = J_W Wd + j_w.
 
@@ -75,11 +75,9 @@ def twist_terms(kind, geometry, body, legs, gravity, R, k, Mw, hw, rho, Jw, jw):
             Jw[i, 3], Jw[i, 4], Jw[i, 5] = -rz, 0.0, rx
             jw[i] = ay
             if moving:
-                M_P = np.zeros((3, 3))
-                M_P[1, 1] = legs[i, 3]
-                f = np.zeros(3)
-                f[1] = legs[i, 3] * (ay - gravity[1])
-                add_at_point(M_P, f, (rx, ry, rz), Mw, hw)
+                f = (0.0, legs[i, 3] * (ay - gravity[1]), 0.0)
+                along_y = (0.0, legs[i, 3], 0.0)
+                add_at_point(0.0, (0.0, 0.0, 0.0), along_y, f, (rx, ry, rz), Mw, hw)
             continue
         planar = kind == MOTORCYCLE
         sx = k[0] + rx - geometry[b]
@@ -133,7 +131,7 @@ def terms(kind, geometry, body, legs, gravity, q, qd, M, h, rho, J, jdqd):  # ty
     terms_in(memory, kind, geometry, body, legs, gravity, q, qd, M, h, rho, J, jdqd)
 
 
-@compiled
+@inner
 def terms_in(memory, kind, geometry, body, legs, gravity, q, qd, M, h, rho, J, jdqd):  # type: ignore[no-untyped-def]
     """As `terms`, in memory that a caller of many steps keeps (`scratch`): allocations cost as much as it."""
     n = q.shape[0]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from hil.compiled import compiled
+from hil.compiled import inner
 
 
-@compiled
+@inner
 def solve_positive(M, b):  # type: ignore[no-untyped-def]
     """Solve M x = b, M (n,n) symmetric positive definite, by Cholesky; b (n,) becomes x.
 
@@ -40,7 +40,7 @@ def solve_positive(M, b):  # type: ignore[no-untyped-def]
     return True
 
 
-@compiled
+@inner
 def solve_square(A, b):  # type: ignore[no-untyped-def]
     """Solve A x = b, A (n,n) any square matrix, by elimination with row pivots; b (n,) becomes x.
 

@@ -10,12 +10,12 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 
 AXIS, PENDULUM, MOTORCYCLE, STEWART = 0, 1, 2, 3
 
 
-@compiled
+@inner
 def rotation_motion(roll, pitch, yaw, rates, E, R, k):  # type: ignore[no-untyped-def]
     """Rotation R (3,3) and E (3,3) with omega = E rates, rates = (roll, pitch, yaw)'.
 
@@ -37,7 +37,7 @@ def rotation_motion(roll, pitch, yaw, rates, E, R, k):  # type: ignore[no-untype
     k[14] = -cp * pd * rd
 
 
-@compiled
+@inner
 def platform_twist(kind, geometry, q, qd, R, A, k):  # type: ignore[no-untyped-def]
     """Platform kinematics at (q, qd): R (3,3), A (6,n) with W = A qd, and k (15,).
 
@@ -65,27 +65,23 @@ def platform_twist(kind, geometry, q, qd, R, A, k):  # type: ignore[no-untyped-d
             A[3 + i, 0] = geometry[i]
             k[6 + i] = geometry[i] * qd[0]
         return
-    E = np.empty((3, 3))
     if kind == STEWART:
-        rotation_motion(q[3], q[4], q[5], (qd[3], qd[4], qd[5]), E, R, k)
+        rotation_motion(q[3], q[4], q[5], (qd[3], qd[4], qd[5]), A[3:, 3:], R, k)
         for i in range(3):
             A[i, i] = 1.0
             k[i] = q[i]
             k[3 + i] = qd[i]
-            for j in range(3):
-                A[3 + i, 3 + j] = E[i, j]
         k[2] += geometry[36]
         return
-    rotation_motion(q[2], q[1], q[0], (qd[2], qd[1], qd[0]), E, R, k)
+    rotation_motion(q[2], q[1], q[0], (qd[2], qd[1], qd[0]), A[3:, ::-1], R, k)
     x, y, z = geometry[15], geometry[16], geometry[17]
     px = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z  # R p3
     py = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z
     pz = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z
     for j in range(3):  # v = -(omega x R p3), y component held by the coupled cylinders
-        ex, ey, ez = E[0, 2 - j], E[1, 2 - j], E[2, 2 - j]
+        ex, ey, ez = A[3, j], A[4, j], A[5, j]
         A[0, j] = -(ey * pz - ez * py)
         A[2, j] = -(ex * py - ey * px)
-        A[3, j], A[4, j], A[5, j] = ex, ey, ez
     k[0] = geometry[12] - px
     k[2] = geometry[14] - pz
     for i in range(0, 3, 2):

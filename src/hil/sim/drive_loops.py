@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from hil.compiled import compiled
+from hil.compiled import inner
 from hil.sim import layout as lay
 
 EPSILON_S = 1e-9
@@ -27,7 +27,7 @@ EPSILON_S = 1e-9
 QUEUE = 4
 
 
-@compiled
+@inner
 def encoder(act, i, x):  # type: ignore[no-untyped-def]
     """(reading, d reading / d x) of the motor encoder where the motor stands at output position x."""
     home = act[lay.A_HOME, i]
@@ -41,7 +41,7 @@ def encoder(act, i, x):  # type: ignore[no-untyped-def]
     return reading, ratio
 
 
-@compiled
+@inner
 def set_mode(st, i, mode):  # type: ignore[no-untyped-def]
     """Switch drive i; in "position" it holds where it stands until a setpoint comes."""
     st[lay.S_INTEGRAL, i] = st[lay.S_CURRENT, i] if mode == lay.MODE_POSITION else 0.0
@@ -59,7 +59,7 @@ def set_mode(st, i, mode):  # type: ignore[no-untyped-def]
     st[lay.S_IDLE, i] = 1.0
 
 
-@compiled
+@inner
 def deliver(header, st, i, value, t):  # type: ignore[no-untyped-def]
     """A setpoint, meant as the drive's mode says, reaches drive i at instant t; mode off ignores it."""
     if st[lay.S_MODE, i] == lay.MODE_FORCE:
@@ -83,14 +83,14 @@ def deliver(header, st, i, value, t):  # type: ignore[no-untyped-def]
         st[lay.S_FIFO_N, i] = n + 1
 
 
-@compiled
+@inner
 def _drop_oldest(st, i, n):  # type: ignore[no-untyped-def]
     for k in range(n - 1):
         st[lay.S_FIFO + k, i] = st[lay.S_FIFO + k + 1, i]
         st[lay.S_FIFO_T + k, i] = st[lay.S_FIFO_T + k + 1, i]
 
 
-@compiled
+@inner
 def reference(st, i, t):  # type: ignore[no-untyped-def]
     """(position, speed) that drive i's present segment asks for at instant t."""
     if t >= st[lay.S_T1, i] - EPSILON_S:
@@ -98,7 +98,7 @@ def reference(st, i, t):  # type: ignore[no-untyped-def]
     return st[lay.S_X0, i] + st[lay.S_SLOPE, i] * (t - st[lay.S_T0, i]), st[lay.S_SLOPE, i]
 
 
-@compiled
+@inner
 def _start_segment(header, st, i, target, t):  # type: ignore[no-untyped-def]
     if header[lay.H_LINEAR] == 0.0:
         st[lay.S_X1, i] = target
@@ -117,7 +117,7 @@ def _start_segment(header, st, i, target, t):  # type: ignore[no-untyped-def]
     st[lay.S_T1, i] = t + cycle
 
 
-@compiled
+@inner
 def _play(header, st, i, t):  # type: ignore[no-untyped-def]
     """A drive with its own clock takes the next setpoint from its queue when that clock says so."""
     if (
@@ -137,7 +137,7 @@ def _play(header, st, i, t):  # type: ignore[no-untyped-def]
     st[lay.S_PLAY, i] += header[lay.H_CYCLE]
 
 
-@compiled
+@inner
 def position_loops(header, act, st, t):  # type: ignore[no-untyped-def]
     """One tick of every drive's position loop: takes setpoints, sets speed reference and pre-control."""
     half = 0.5 * header[lay.H_DT] * header[lay.H_POSITION_TICKS]
@@ -164,7 +164,7 @@ def position_loops(header, act, st, t):  # type: ignore[no-untyped-def]
         st[lay.S_FF, i] = ahead
 
 
-@compiled
+@inner
 def speed_loops(header, act, st, t):  # type: ignore[no-untyped-def]
     """One tick of every drive's speed loop (or "pd" law): sets the force reference."""
     dt = header[lay.H_DT]
@@ -190,7 +190,7 @@ def speed_loops(header, act, st, t):  # type: ignore[no-untyped-def]
                 st[lay.S_INTEGRAL, i] += act[lay.A_KI, i] * error * dt
 
 
-@compiled
+@inner
 def mean_force(act, st, i, h):  # type: ignore[no-untyped-def]
     """Advance current loop i by h; returns the mean over h of the force its current stands for."""
     a = act[lay.A_CURRENT_W, i] * h

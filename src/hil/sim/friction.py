@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import math
 
-from hil.compiled import compiled
+from hil.compiled import inner
 from hil.sim import layout as lay
 
 SWEEPS = 400
 """Gauss-Seidel sweeps if the active set should cycle: a net that keeps the answer right, if slower."""
 
 
-@compiled
+@inner
 def friction_band(act, st, i):  # type: ignore[no-untyped-def]
     """(lo, hi) >= 0: largest friction force against negative and against positive motion of motor i.
 
@@ -41,7 +41,7 @@ def friction_band(act, st, i):  # type: ignore[no-untyped-def]
     return max(lo, 0.0), max(hi, 0.0)
 
 
-@compiled
+@inner
 def hysteresis_advance(z, dx, displacement):  # type: ignore[no-untyped-def]
     """Dahl's state z in -1..1 after travel dx: rate-independent, exact for one direction of travel."""
     if dx == 0.0:
@@ -50,7 +50,7 @@ def hysteresis_advance(z, dx, displacement):  # type: ignore[no-untyped-def]
     return end + (z - end) * math.exp(-abs(dx) / displacement)
 
 
-@compiled
+@inner
 def solve_stick_slip(W, v_free, lo, hi, slip, phi, K, y):  # type: ignore[no-untyped-def]
     """Friction forces phi (n,) with v = v_free + W phi, phi = -hi where v > 0, lo where v < 0, between
     where v = 0. `slip` (n,) is the guess on entry (1, -1, 0 = stick) and the answer on return; K (n,n)

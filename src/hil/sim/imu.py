@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import math
 
-from hil.compiled import compiled
+from hil.compiled import inner
 
 
-@compiled
+@inner
 def group_delay_s(bandwidth_hz):  # type: ignore[no-untyped-def]
     """Group delay of the filter at low frequency, s."""
     return math.sqrt(2.0) / (2.0 * math.pi * bandwidth_hz)
 
 
-@compiled
+@inner
 def measure(R, A, k, gravity, imu, qd, qdd, out):  # type: ignore[no-untyped-def]
     """Rate (rad/s) and specific force (m/s^2) in the sensor frame into out (6,).
 
@@ -57,7 +57,7 @@ def measure(R, A, k, gravity, imu, qd, qdd, out):  # type: ignore[no-untyped-def
             out[3 + a] += imu[3 + 3 * b + a] * specific
 
 
-@compiled
+@inner
 def filter_coefficients(bandwidth_hz, h, c):  # type: ignore[no-untyped-def]
     """Exact discretisation of x'' + sqrt(2) w x' + w^2 x = w^2 u for a step h into c (4,):
     deviation x - u and x' / w turn by [[c0, c1], [c2, c3]]."""
@@ -70,7 +70,7 @@ def filter_coefficients(bandwidth_hz, h, c):  # type: ignore[no-untyped-def]
     c[3] = decay * (math.cos(a) - math.sin(a))
 
 
-@compiled
+@inner
 def filter_step(c, state, u):  # type: ignore[no-untyped-def]
     """Advance the filters (state: six values, then six rates / w) for inputs u (6,)."""
     for a in range(6):

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 from hil.rigs.kernel import scratch, terms_in
 from hil.sim import layout as lay
 from hil.sim.drive_loops import encoder
@@ -47,7 +47,7 @@ def memory(n):  # type: ignore[no-untyped-def]
     return np.empty((WORK_ROWS, n)), matrix, more, vectors, scratch(n)
 
 
-@compiled
+@inner
 def _resist(act, st, w, i, h, force, rho):  # type: ignore[no-untyped-def]
     """Motor-side forces that need no solving: F0 - C v+ ; friction band; end stop on the load."""
     v = st[lay.S_VM, i]
@@ -77,7 +77,7 @@ def _resist(act, st, w, i, h, force, rho):  # type: ignore[no-untyped-def]
             w[W_STOP_C, i] += act[lay.A_MEFF, i] * STOP_W
 
 
-@compiled
+@inner
 def _couple(act, st, w, i, h):  # type: ignore[no-untyped-def]
     """How motor i reaches the load in this step: added mass MU and impulse PSI seen there, share KAPPA."""
     m = act[lay.A_REFLECTED, i]
@@ -120,7 +120,7 @@ def _couple(act, st, w, i, h):  # type: ignore[no-untyped-def]
     w[W_PSI, i] += h * w[W_STOP_F, i]
 
 
-@compiled
+@inner
 def _factor(M, J, w, S):  # type: ignore[no-untyped-def]
     """Lower Cholesky factor of M + J^T diag(MU) J in S."""
     n = S.shape[0]
@@ -134,7 +134,7 @@ def _factor(M, J, w, S):  # type: ignore[no-untyped-def]
             S[a, b] = s / S[b, b] if b < a else math.sqrt(s)
 
 
-@compiled
+@inner
 def _velocities(st, w, bias, M, J, S, h):  # type: ignore[no-untyped-def]
     """New qd, actuator rates R and motor velocities V for friction PHI."""
     n = S.shape[0]
@@ -161,7 +161,7 @@ def _velocities(st, w, bias, M, J, S, h):  # type: ignore[no-untyped-def]
         w[W_V, i] = free + w[W_KAPPA, i] * r
 
 
-@compiled
+@inner
 def _solve(st, w, bias, M, J, S, Y, W, K, h):  # type: ignore[no-untyped-def]
     """Friction forces and new velocities for the present contacts."""
     n = S.shape[0]
@@ -213,7 +213,7 @@ def _solve(st, w, bias, M, J, S, Y, W, K, h):  # type: ignore[no-untyped-def]
             w[W_QD, a] = 0.0
 
 
-@compiled
+@inner
 def _contacts(act, st, w, h):  # type: ignore[no-untyped-def]
     """Touch and release flanks where the solution asks for it; True if any contact changed."""
     changed = False
@@ -235,7 +235,7 @@ def _contacts(act, st, w, h):  # type: ignore[no-untyped-def]
     return changed
 
 
-@compiled
+@inner
 def step(kind, views, st, mem, force, h):  # type: ignore[no-untyped-def]
     """Advance the mechanics by h; `force` (n,) is the mean over h of the force by the drives' currents.
 

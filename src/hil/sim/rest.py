@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 from hil.rigs.kernel import scratch, terms_in
+from hil.rigs.linear import solve_square
 from hil.sim import layout as lay
 from hil.sim.drive_loops import encoder, set_mode
 from hil.sim.imu import measure
 from hil.sim.mechanics import ALWAYS, RIGID
 from hil.sim.model import split
-from hil.sim.statics import solve_square, static_forces
+from hil.sim.statics import static_forces, statics_memory
 
 EVALUATIONS = 80
 REST_M = 1e-3
@@ -27,7 +28,7 @@ def state_size(n):  # type: ignore[no-untyped-def]
     return lay.S_ROWS * n + lay.S_TAIL
 
 
-@compiled
+@inner
 def read_encoders(act, st):  # type: ignore[no-untyped-def]
     """Position and velocity of each motor as its drive sees them, into the state."""
     for i in range(st.shape[1]):
@@ -36,7 +37,7 @@ def read_encoders(act, st):  # type: ignore[no-untyped-def]
         st[lay.S_VD, i] = ratio * st[lay.S_VM, i]
 
 
-@compiled
+@inner
 def _at_rest(act, st, i, load):  # type: ignore[no-untyped-def]
     """Wind-up, encoder reading, its slope and current's force of actuator i that carry the static `load` (N)
     without friction. A load below 1 N does not press the flanks together: the motor stands within the gap."""
@@ -66,7 +67,7 @@ def _unbalanced(model, views, st, modes, target, own, M, J, A, load, nominal, b)
             A[i, j] = J[j, i]
     solve_square(A, load)
     if model[lay.H_STATIC_FF] != 0.0:
-        static_forces(kind, geometry0, body0, legs, gravity0, q, nominal)
+        static_forces(statics_memory(n), kind, geometry0, body0, legs, gravity0, q, nominal)
     worst = 0.0
     for i in range(n):
         e, reading, ratio, force = _at_rest(act, st, i, load[i])

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 from hil.sim import layout as lay
 from hil.sim.drive_loops import (
     EPSILON_S,
@@ -23,10 +23,10 @@ from hil.sim.imu import filter_coefficients, filter_step, measure
 from hil.sim.mechanics import memory, step
 from hil.sim.model import split
 from hil.sim.rest import read_encoders
-from hil.sim.statics import static_forces
+from hil.sim.statics import static_forces, statics_memory
 
 
-@compiled
+@inner
 def put_outputs(st, tail, row):  # type: ignore[no-untyped-def]
     """One row of outputs (4 n + 6,): position, velocity, force as the drives see them, pose, IMU."""
     n = st.shape[1]
@@ -42,26 +42,27 @@ def put_outputs(st, tail, row):  # type: ignore[no-untyped-def]
 @compiled
 def tick_memory(model, imu):  # type: ignore[no-untyped-def]
     """What `tick` works in, kept by its caller: the mechanics' memory, forces (n,), mean rates (n,), the IMU
-    filter's coefficients (4,) and input (6,)."""
+    filter's coefficients (4,) and input (6,), the memory of static forces."""
     n = int(model[lay.H_N])
     coefficients = np.empty(4)
     if model[lay.H_IMU] != 0.0:
         filter_coefficients(imu[12], model[lay.H_DT] / model[lay.H_SUBSTEPS], coefficients)
-    return memory(n), np.empty(n), np.empty(n), coefficients, np.empty(6)
+    return memory(n), np.empty(n), np.empty(n), coefficients, np.empty(6), statics_memory(n)
 
 
-@compiled
+@inner
 def tick(model, views, st, tail, mem, with_imu):  # type: ignore[no-untyped-def]
     """From the tick the state stands at to the next; `views` of the model, `mem` from `tick_memory`."""
     act, _, geometry0, _, body0, gravity, gravity0, legs, imu = views
-    mechanics, force, rates, coefficients, sensed = mem
+    mechanics, force, rates, coefficients, sensed, statics = mem
     kind, n = int(model[lay.H_KIND]), st.shape[1]
     k = tail[lay.S_TAIL - 1]
     t = k * model[lay.H_DT]
     substeps = int(model[lay.H_SUBSTEPS])
     if int(k) % int(model[lay.H_POSITION_TICKS]) == 0:
         if model[lay.H_STATIC_FF] != 0.0:
-            static_forces(kind, geometry0, body0, legs, gravity0, st[lay.S_Q], st[lay.S_STATIC])
+            q, into = st[lay.S_Q], st[lay.S_STATIC]
+            static_forces(statics, kind, geometry0, body0, legs, gravity0, q, into)
         position_loops(model, act, st, t)
     speed_loops(model, act, st, t)
     h = model[lay.H_DT] / substeps
@@ -114,7 +115,7 @@ def advance(model, state, events, count, ring, to_s):  # type: ignore[no-untyped
     return count
 
 
-@compiled
+@inner
 def look_up(ring, tick_now, dt, t, column):  # type: ignore[no-untyped-def]
     """Output `column` at instant t by interpolation between ticks; the oldest kept where t is before it."""
     size = ring.shape[0]

@@ -9,11 +9,11 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import inner
 from hil.sim import layout as lay
 
 
-@compiled
+@inner
 def reading(value, home, bias, scale, quantum):  # type: ignore[no-untyped-def]
     """The sensor's answer for `value`: scale about `home`, bias, rounding to `quantum` (0: none)."""
     out = home + scale * (value - home) + bias
@@ -22,14 +22,14 @@ def reading(value, home, bias, scale, quantum):  # type: ignore[no-untyped-def]
     return out
 
 
-@compiled
+@inner
 def sampled_at(stamp_s, latency_s, drift, origin_s):  # type: ignore[no-untyped-def]
     """True instant of a value stamped `stamp_s`: a clock that runs fast by `drift` (s/s) since `origin_s`
     stamps too late; `latency_s` more lies between the value and its stamp."""
     return origin_s + (stamp_s - origin_s) / (1.0 + drift) - latency_s
 
 
-@compiled
+@inner
 def is_lost(stream, count, share):  # type: ignore[no-untyped-def]
     """Whether frame number `count` of `stream` (small integers >= 0) gets lost: a share of all, the same
     ones each time, and more of the same as `share` grows."""
@@ -44,7 +44,7 @@ def is_lost(stream, count, share):  # type: ignore[no-untyped-def]
     return (x >> np.uint64(11)) * (1.0 / 9007199254740992.0) < share
 
 
-@compiled
+@inner
 def sensor_constants(p, n, signal, out):  # type: ignore[no-untyped-def]
     """Bias, scale, latency, quantum and clock drift of `signal` into out (5,).
 

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 from hil.rigs.bicycle.forward import rider_torques
 from hil.rigs.bicycle.kernel import (
     assemble,
@@ -33,7 +33,7 @@ BACK = 0.15
 """rad at which the rider's back is twice as stiff."""
 
 
-@compiled
+@inner
 def fork_force(law, load, u, rate):  # type: ignore[no-untyped-def]
     """N that the fork holds against at travel u (m from rest), rate u'.
 
@@ -46,7 +46,7 @@ def fork_force(law, load, u, rate):  # type: ignore[no-untyped-def]
     return load + side * (spring + damping * v + law[4] * math.tanh(v / SEAL_SPEED))
 
 
-@compiled
+@inner
 def tyre_force(law, load, u, rate):  # type: ignore[no-untyped-def]
     """N that a tyre holds against; `law`: stiffness under its load at rest, power, damping."""
     size = abs(load)
@@ -56,7 +56,7 @@ def tyre_force(law, load, u, rate):  # type: ignore[no-untyped-def]
     return side * size * share ** law[1] + law[2] * rate
 
 
-@compiled
+@inner
 def accelerate(mem, ws, bicycle, laws, load, torque, q, qd, back, qdd):  # type: ignore[no-untyped-def]
     """Close q, complete qd, fill qdd; returns whether that went, and the rider's angular acceleration.
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 
-from hil.compiled import compiled
+from hil.compiled import inner
 from hil.exam.world import layout as lay
 
 QUEUE = 4
 KNEE = 10.0
 
 
-@compiled
+@inner
 def read_encoder(act, st, i, t):  # type: ignore[no-untyped-def]
     """(reading, slope) of drive i's encoder in the actuator's own units, counted."""
     x = st[lay.S_X, i] - act[lay.A_HOME, i]
@@ -31,7 +31,7 @@ def read_encoder(act, st, i, t):  # type: ignore[no-untyped-def]
     return value, slope
 
 
-@compiled
+@inner
 def soft_limit(value, limit):  # type: ignore[no-untyped-def]
     """`value`, bent over to +-limit with a knee."""
     if abs(value) < 0.3 * limit:
@@ -39,7 +39,7 @@ def soft_limit(value, limit):  # type: ignore[no-untyped-def]
     return value / (1.0 + abs(value / limit) ** KNEE) ** (1.0 / KNEE)
 
 
-@compiled
+@inner
 def deliver(head, act, st, i, value, t):  # type: ignore[no-untyped-def]
     """A setpoint reaches drive i."""
     if act[lay.O_ROUND, i] > 0.0:
@@ -60,7 +60,7 @@ def deliver(head, act, st, i, value, t):  # type: ignore[no-untyped-def]
     st[lay.S_FIFO_N, i] = n + 1
 
 
-@compiled
+@inner
 def _line(head, act, st, i, target):  # type: ignore[no-untyped-def]
     """Draw a line from the present reference to `target` in whole ticks of one bus cycle."""
     if head[lay.H_LINEAR] == 0.0:
@@ -76,7 +76,7 @@ def _line(head, act, st, i, target):  # type: ignore[no-untyped-def]
     st[lay.S_LEFT, i] = ticks
 
 
-@compiled
+@inner
 def position_tick(head, act, st, i, t):  # type: ignore[no-untyped-def]
     """One tick of drive i's position loop at instant t."""
     if st[lay.S_HAS_PENDING, i] != 0.0:
@@ -117,7 +117,7 @@ def position_tick(head, act, st, i, t):  # type: ignore[no-untyped-def]
     st[lay.S_VREF, i] = v_ref
 
 
-@compiled
+@inner
 def speed_tick(head, act, st, i, t):  # type: ignore[no-untyped-def]
     """One tick of drive i's speed loop: reads the encoder, filters its speed, sets the force reference."""
     reading, _ = read_encoder(act, st, i, t)

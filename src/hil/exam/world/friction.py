@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from hil.compiled import compiled
+from hil.compiled import inner
 from hil.exam.world import layout as lay
 
 CREEP = 1e-9
@@ -19,7 +19,7 @@ SEAL_M = 3e-4
 """Way after which a seal has let go."""
 
 
-@compiled
+@inner
 def level(act, st, i):  # type: ignore[no-untyped-def]
     """Friction level g >= 0 that actuator i tends to at its present speed, place, direction and load."""
     v, x = st[lay.S_V, i], st[lay.S_X, i]
@@ -40,7 +40,7 @@ def level(act, st, i):  # type: ignore[no-untyped-def]
     return max(g, 0.0)
 
 
-@compiled
+@inner
 def bristle_force(act, st, i, h):  # type: ignore[no-untyped-def]
     """Advance the bristles of actuator i by h; the force with which they oppose positive motion."""
     g, v = level(act, st, i), st[lay.S_V, i]
@@ -59,7 +59,7 @@ def bristle_force(act, st, i, h):  # type: ignore[no-untyped-def]
     return sigma * 0.5 * (z + new) + damping * (new - z) / h
 
 
-@compiled
+@inner
 def hysteresis_force(act, st, i, h):  # type: ignore[no-untyped-def]
     """Advance the Bouc-Wen state of actuator i by h; its force against positive displacement."""
     z, dx = st[lay.S_HYST, i], st[lay.S_V, i] * h / act[lay.A_HYST_X, i]
@@ -70,7 +70,7 @@ def hysteresis_force(act, st, i, h):  # type: ignore[no-untyped-def]
     return act[lay.A_HYST_F, i] * z
 
 
-@compiled
+@inner
 def seal_force(act, st, i, h):  # type: ignore[no-untyped-def]
     """Grip of a seal that grows while actuator i rests and lets go over the first bit of way."""
     v = st[lay.S_V, i]

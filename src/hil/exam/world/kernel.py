@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 from hil.exam.world import layout as lay
 from hil.exam.world.drives import deliver, position_tick, read_encoder, speed_tick
 from hil.exam.world.friction import bristle_force, hysteresis_force, seal_force
@@ -24,7 +24,7 @@ FREEZE = 2
 """Steps for which mass matrix and Jacobian are kept."""
 
 
-@compiled
+@inner
 def _transmitted(act, st, i, e, u):  # type: ignore[no-untyped-def]
     """Force that the wind-up e (m) of actuator i, with rate u, passes on to the mechanism."""
     gap = 0.5 * act[lay.A_GAP, i]
@@ -41,7 +41,7 @@ def _transmitted(act, st, i, e, u):  # type: ignore[no-untyped-def]
     return force
 
 
-@compiled
+@inner
 def _resisting(act, st, i, t, h):  # type: ignore[no-untyped-def]
     """Force on motor i against positive motion, and force along it, beside current and transmission."""
     v, x = st[lay.S_V, i], st[lay.S_X, i]
@@ -88,7 +88,7 @@ def _static_load(kind, geometry, body, legs, gravity, q, own, out):  # type: ign
     solve_square(T, out)
 
 
-@compiled
+@inner
 def _factor(M, L):  # type: ignore[no-untyped-def]
     """Lower Cholesky factor of M into L."""
     n = M.shape[0]
@@ -100,7 +100,7 @@ def _factor(M, L):  # type: ignore[no-untyped-def]
             L[a, b] = s / L[b, b] if b < a else math.sqrt(s)
 
 
-@compiled
+@inner
 def _back(L, x):  # type: ignore[no-untyped-def]
     """Solve L L^T x = x in place."""
     n = x.shape[0]
@@ -114,7 +114,7 @@ def _back(L, x):  # type: ignore[no-untyped-def]
         x[a] /= L[a, a]
 
 
-@compiled
+@inner
 def _put(act, st, q, filtered, t, row):  # type: ignore[no-untyped-def]
     """Outputs (4 n + 6,): what each drive reads, its speed, its force, the pose, the IMU's filter."""
     n = q.shape[0]

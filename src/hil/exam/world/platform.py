@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 from hil.exam.world import layout as lay
 
 
@@ -44,7 +44,7 @@ def rider(head, at, A, R, k, qdd, h, u, Q):  # type: ignore[no-untyped-def]
             Q[j] -= m * P[c, j] * pull
 
 
-@compiled
+@inner
 def base(head, gravity, qdd, A, k, h, b, out):  # type: ignore[no-untyped-def]
     """A base frame that gives way horizontally: advance b (offset, rate, acceleration filtered; 6)."""
     n = qdd.shape[0]

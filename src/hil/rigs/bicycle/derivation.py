@@ -42,7 +42,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import inner
 
 # ruff: noqa: E501
 # fmt: off
@@ -185,7 +185,7 @@ def _function(
     shared, reduced = sp.cse([e for _, e in outputs], symbols=sp.numbered_symbols("t"))
     used = set().union(*(e.free_symbols for e in [*(v for _, v in shared), *reduced]))
     given = [("p", p), ("q", q), *([("qd", qd)] if rates else [])]
-    lines = ["@compiled", f"def {name}({arguments}):  # type: ignore[no-untyped-def]"]
+    lines = ["@inner", f"def {name}({arguments}):  # type: ignore[no-untyped-def]"]
     lines.append(f'    """{text}"""')
     for array, names in given:
         lines += [f"    {v} = {array}[{k}]" for k, v in enumerate(names) if v in used]

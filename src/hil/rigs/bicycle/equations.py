@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import inner
 
 # ruff: noqa: E501
 # fmt: off
 
 
-@compiled
+@inner
 def kinematics(p, q, qd, H, h, G, g, spin, frame, A3, J, j):  # type: ignore[no-untyped-def]
     """Bodies 2..5: centres' velocity H qd and acceleration H qdd + h, base axes; angular velocity
     `spin` = G qd and derivative G qdd + g in frames that turn with `frame`; A3 of the rear
@@ -680,7 +680,7 @@ def kinematics(p, q, qd, H, h, G, g, spin, frame, A3, J, j):  # type: ignore[no-
     j[5] = beta_t*(beta_t*(t327 - t350*(-t354*t390 - t357*(t108*t74 + t110*t89 + t433*t77) + t377*t410 + t382*t414)) + d_f_t*t412 + gamma_t*(t323 - t350*(-t291*t354 + t302*t410 - t304*t357 + t338*t382)) + phi_t*(t289 - t350*(-t354*t384 - t357*(t108*t252 + t110*t254 + t125*t166 + t128*t169 + t259*t433 + t272*t383) + t368*t410 + t382*t415)) + t325 - t413*(t259*t410 + t272*t382 - t354*t383 - t357*t433) + theta_t*(t326 - t350*(-t354*t387 - t357*(t108*t257 + t110*t261 + t125*t264 + t128*t278 + t260*t433 + t269*t383) + t374*t410 + t382*t416))) + d_f_t*(beta_t*t392 + eps_t*t395 + gamma_t*t393 + phi_t*t386 + t389*theta_t) + gamma_t*(beta_t*(t323 - t350*(-t355*t390 - t357*(t117*t74 + t121*t89 + t125*t180 + t128*t182 - t383*t73 + t434*t77) + t377*t417 + t382*t420)) + d_f_t*t419 + gamma_t*(t331 - t350*(-t291*t355 + t302*t417 - t311*t357 + t342*t382)) + phi_t*(t290 - t350*(-t355*t384 - t357*(t117*t252 + t121*t254 + t125*t175 + t128*t179 + t259*t434 + t275*t383) + t368*t417 + t382*t421)) + t330 - t413*(t259*t417 + t275*t382 - t355*t383 - t357*t434) + theta_t*(t328 - t350*(-t355*t387 - t357*(t117*t257 + t121*t261 + t125*t263 + t128*t277 + t260*t434 + t273*t383) + t374*t417 + t382*t422))) + phi_t*(beta_t*(t289 - t350*(-t357*(t435*t77 + t74*t86 + t89*t95) + t377*t423)) + d_f_t*t382 + gamma_t*(t290 - t350*(t302*t423 - t317*t357)) + phi_t*(t287 - t350*(-t357*(t252*t86 + t254*t95 + t259*t435) + t368*t423)) + t332 - t413*(t259*t423 - t357*t435) + theta_t*(t288 - t350*(-t357*(t257*t86 + t260*t435 + t261*t95) + t374*t423))) + t336 + theta_t*(beta_t*(t326 - t350*(-t353*t390 - t357*(t102*t74 + t104*t89 + t436*t77) + t377*t427 + t382*t426)) + d_f_t*t424 + gamma_t*(t328 - t350*(-t291*t353 + t302*t427 - t320*t357 + t347*t382)) + phi_t*(t288 - t350*(-t353*t384 - t357*(t102*t252 + t104*t254 + t125*t154 + t128*t160 + t259*t436 + t268*t383) + t368*t427 + t382*t428)) + t335 - t413*(t259*t427 + t268*t382 - t353*t383 - t357*t436) + theta_t*(t333 - t350*(-t353*t387 - t357*(t102*t257 + t104*t261 + t260*t436) + t374*t427 + t382*t429))) + xi_t*(d_f_t*t431 - t400*(-t356*t390 + t377*t430) - t402*(-t356*t387 + t374*t430) - t405*(-t291*t356 + t302*t430) - t413*(t259*t430 - t356*t383) - t432*(-t356*t384 + t368*t430))
 
 
-@compiled
+@inner
 def closure(p, q, c, dc, contact):  # type: ignore[no-untyped-def]
     """Contact constraints c (2,), derivative dc (2, 2) by beta and xi, front contact point (3,), m."""
     p_r_r = p[0]

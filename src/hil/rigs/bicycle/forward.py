@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 from hil.rigs.bicycle.kernel import (
     assemble,
     close_loop,
@@ -48,7 +48,7 @@ def workspace():  # type: ignore[no-untyped-def]
     )
 
 
-@compiled
+@inner
 def height(road, spacing, at):  # type: ignore[no-untyped-def]
     """Height of the road, m, and its slope at a distance ridden."""
     last = road.shape[0] - 1
@@ -59,7 +59,7 @@ def height(road, spacing, at):  # type: ignore[no-untyped-def]
     return road[k] + slope * (at - k * spacing), slope
 
 
-@compiled
+@inner
 def accelerate(mem, ws, bicycle, world, torque, q, qd, alpha, qdd):  # type: ignore[no-untyped-def]
     """Close q, complete qd from its independent speeds, fill qdd; returns alpha''. False where broken.
 
@@ -135,7 +135,7 @@ def accelerate(mem, ws, bicycle, world, torque, q, qd, alpha, qdd):  # type: ign
     return True, bend
 
 
-@compiled
+@inner
 def rider_torques(p, extra, q, qd, plan, dt, state, gains, asked_speed, out):  # type: ignore[no-untyped-def]
     """Lean (foot), drive and steer torque into `out`. `plan` rows: x, y, heading, curvature by distance.
 

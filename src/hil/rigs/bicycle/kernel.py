@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 from hil.rigs.bicycle.equations import closure, kinematics
 
 PSI, BETA, GAMMA, XI = 4, 5, 6, 8
@@ -43,14 +43,14 @@ def memory(like):  # type: ignore[no-untyped-def]
     )
 
 
-@compiled
+@inner
 def evaluate(mem, p, q, qd):  # type: ignore[no-untyped-def]
     """Fill `mem` with the kinematics at q, qd."""
     H, h, G, g, spin, frame, A3, J, j = mem
     kinematics(p, q, qd, H, h, G, g, spin, frame, A3, J, j)
 
 
-@compiled
+@inner
 def assemble(mem, body, extra, qd, n, M, Q):  # type: ignore[no-untyped-def]
     """M (n, n) and Q (n,): gravity, drag at body 3, and what velocities cause. After `evaluate`."""
     H, h, G, g, spin, frame, _A3, _J, _j = mem
@@ -93,7 +93,7 @@ def assemble(mem, body, extra, qd, n, M, Q):  # type: ignore[no-untyped-def]
             M[k, i] = M[i, k]
 
 
-@compiled
+@inner
 def constraint_rows(J, n, on_frame, D):  # type: ignore[no-untyped-def]
     """D (n, n): the constraints' rows, then what is prescribed."""
     for i in range(n):
@@ -108,7 +108,7 @@ def constraint_rows(J, n, on_frame, D):  # type: ignore[no-untyped-def]
         D[i, i] = 1.0
 
 
-@compiled
+@inner
 def factor(A, n, order):  # type: ignore[no-untyped-def]
     """LU in place with row exchanges; False where singular."""
     for k in range(n):
@@ -131,7 +131,7 @@ def factor(A, n, order):  # type: ignore[no-untyped-def]
     return True
 
 
-@compiled
+@inner
 def solve(A, n, order, b):  # type: ignore[no-untyped-def]
     """b := A^-1 b after `factor`."""
     for k in range(n):
@@ -146,7 +146,7 @@ def solve(A, n, order, b):  # type: ignore[no-untyped-def]
         b[i] /= A[i, i]
 
 
-@compiled
+@inner
 def solve_transposed(A, n, order, b):  # type: ignore[no-untyped-def]
     """b := A^-T b after `factor`."""
     for i in range(n):
@@ -161,7 +161,7 @@ def solve_transposed(A, n, order, b):  # type: ignore[no-untyped-def]
         b[k], b[r] = b[r], b[k]
 
 
-@compiled
+@inner
 def close_loop(p, q, c, dc, contact):  # type: ignore[no-untyped-def]
     """Set beta and xi so that the front wheel touches the road; residual (m) and Newton steps."""
     residual = 1.0
@@ -241,7 +241,7 @@ def inertial(mem, extra, p, sensor, qdd, n, out):  # type: ignore[no-untyped-def
         out[3 + k] = sensor[k, 0] * f0 + sensor[k, 1] * f1 + sensor[k, 2] * f2
 
 
-@compiled
+@inner
 def rear_normal(mem, body, extra, qd, qdd, n, front):  # type: ignore[no-untyped-def]
     """Normal force at the rear wheel, N: what is left of sum m (a_z + g), front and drag taken off."""
     H, h = mem[0], mem[1]
