@@ -11,7 +11,7 @@ they do on average, and the kicks count as noise.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -34,8 +34,14 @@ CLEARER: Final = 0.06
 """Log of the fine structure that ticks must take off to be believed."""
 ENOUGH: Final = 12
 DELAYS_S: Final = (0.0, 0.001, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, 0.016)
-LATE: Final = (-0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45)
-"""Ticks by which frames may arrive later than the rig file says."""
+TURNS: Final = (
+    ("late_s", 0.15, 3), ("late_s", 0.025, 2), ("late_s", 0.01, 2), ("phase_s", 0.015, 2), ("rate", 1e-6, 2),
+    ("late_s", 0.01, 2), ("phase_s", 0.005, 2), ("late_s", 0.004, 2),
+)  # fmt: skip
+"""What is moved in turn once ticks are found, by steps of so many ticks (rate: s/s), so many either way: a
+frame that comes near a tick acts at this one or the next, and only a few hundredths of a tick tell which."""
+KICK: Final = 1.5
+"""Typical steps of the fine structure from which on one counts by its logarithm."""
 
 
 def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
@@ -60,7 +66,7 @@ def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
             best = _best(problem, k, a, flats, tick)
             if best is not None:
                 found[k, a] = best
-    return _with_arrivals(problem, found, vector)
+    return _refined(problem, found, vector)
 
 
 def _delayed(problem: Problem) -> Array:
@@ -87,48 +93,73 @@ def _delayed(problem: Problem) -> Array:
     return out
 
 
-def _with_arrivals(
+def _refined(
     problem: Problem, found: dict[tuple[int, str], Ticks], vector: Array
 ) -> dict[tuple[int, str], Ticks]:
-    """The same ticks, with how late frames are: those that are near a tick tell it."""
+    """The same ticks, placed so that frames which come near one act where the record says they did."""
     if not found:
         return found
-    tick = problem.rig.bus.position_loop
-    sizes: dict[tuple[int, str], list[float]] = {key: [] for key in found}
-    for late in LATE:
-        moved = {key: replace(t, late_s=late * tick) for key, t in found.items()}
-        flat = problem.with_clocks(moved).predict(vector)[0]
-        for key in found:
-            sizes[key].append(_fineness(problem, *key, flat))
-    return {
-        key: replace(t, late_s=LATE[int(np.argmin(sizes[key]))] * tick) for key, t in found.items()
-    }
+
+    def steps_of(clocks: dict[tuple[int, str], Ticks]) -> dict[tuple[int, str], Array]:
+        flat = problem.with_clocks(clocks).predict(vector)[0]
+        return {
+            key: np.concatenate([s[0, kept] for _, s, kept in _fine(problem, *key, [flat])])
+            for key in clocks
+        }
+
+    usual = {key: KICK * float(np.median(s)) + 1e-12 for key, s in steps_of(found).items()}
+    least = dict.fromkeys(found, np.inf)
+    best = dict(found)
+    for name, step, most in TURNS:
+        start = dict(best)
+        for count in sorted(range(-most, most + 1), key=abs):
+            moved = {key: _moved(problem, key, start[key], name, count * step) for key in start}
+            for key, s in steps_of(moved).items():
+                size = float(np.sum(np.log1p((s / usual[key]) ** 2)))
+                if size < least[key]:
+                    least[key], best[key] = size, moved[key]
+    return best
+
+
+def _moved(problem: Problem, key: tuple[int, str], ticks: Ticks, name: str, by: float) -> Ticks:
+    """Ticks with one number moved; the rate about the middle of the stretch."""
+    if name != "rate":
+        return replace(ticks, **{name: getattr(ticks, name) + by * problem.rig.bus.position_loop})
+    start, end = problem.pieces[key[0]].span_s
+    turn = by * (0.5 * (start + end) - ticks.origin_s)
+    return replace(ticks, rate=ticks.rate + by, phase_s=ticks.phase_s - turn)
 
 
 def _fineness(problem: Problem, stretch: int, actuator: str, flat: Array) -> float:
     """Log of the fine structure of an actuator's force in a stretch."""
     total = 0.0
+    for _, steps, kept in _fine(problem, stretch, actuator, [flat]):
+        s = steps[0, kept]
+        total += float(np.mean(np.log(s + 0.1 * np.median(s) + 1e-12)))
+    return total
+
+
+def _fine(
+    problem: Problem, stretch: int, actuator: str, flats: Sequence[Array]
+) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
+    """Of each signal of force: instants (M,), its fine structure (F, M - 1) beside each prediction, and
+    which of that is judged (M - 1,)."""
     for x in problem.series:
         if x.stretch == stretch and x.actuator == actuator and x.quantity in ("force", "current"):
-            t, kept = problem.t_s[x.part], problem.kept[x.part]
-            steps = _steps(t, problem.measured[x.part] - flat[x.part], flat[x.part])[kept[1:]]
-            total += float(np.mean(np.log(steps + 0.1 * np.median(steps) + 1e-12)))
-    return total
+            t, own = problem.t_s[x.part], [f[x.part] for f in flats]
+            steps = np.array([_steps(t, problem.measured[x.part] - f, f) for f in own])
+            kept = problem.kept[x.part][1:]
+            if kept.any():
+                yield t, steps, kept
 
 
 def _best(
     problem: Problem, stretch: int, actuator: str, flats: Sequence[Array], tick: float
 ) -> Ticks | None:
     sizes, centres = [], []
-    for x in problem.series:
-        if x.stretch != stretch or x.actuator != actuator or x.quantity not in ("force", "current"):
-            continue
-        t, kept = problem.t_s[x.part], problem.kept[x.part]
-        steps = np.array(
-            [_steps(t, problem.measured[x.part] - f[x.part], f[x.part]) for f in flats]
-        )
+    for t, steps, kept in _fine(problem, stretch, actuator, flats):
         for start in np.arange(t[0], t[-1], WINDOW_S):
-            inside = ((t >= start) & (t < start + WINDOW_S) & kept)[1:]
+            inside = ((t >= start) & (t < start + WINDOW_S))[1:] & kept
             if inside.sum() >= ENOUGH:
                 sizes.append(
                     np.log(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -31,6 +31,10 @@ them, and none of them hides in rare events [set on training cases of two worlds
 DECISIVE: Final = 120.0
 FAINT: Final = 0.4
 """Nats, and floors of its trace, of a candidate that is small and beyond doubt all the same."""
+STEADY_FAINT: Final = 0.8
+MOST: Final = 0.6
+"""The same of effects that ALWAYS act, which must explain MOST of what stands without them besides: healthy
+rigs of two worlds have up to 500 nats for a loop gain, but never with a trace above 0.65 floors."""
 
 
 def other_than_steps(f: Fit) -> tuple[Leaf, ...]:
@@ -51,7 +55,8 @@ def clear(
     def adds(w: Weighed, base: frozenset[str]) -> bool:
         f, log = (by_names[base].fit, by_names[base].log_evidence) if base else (none, zero)
         leaves = [x for x in other_than_steps(w.fit) if x.name not in base]
-        return not leaves or _isclear(w.log_evidence - log, _trace(c, f, w.fit), leaves)
+        gain, trace = w.log_evidence - log, _trace(c, f, w.fit)
+        return not leaves or _isclear(gain, trace, leaves, lambda: explained(c, f, w.fit))
 
     def isclear(w: Weighed) -> bool:
         others, names = other_than_steps(w.fit), _names(w.fit)
@@ -88,8 +93,11 @@ def signals(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
     return tuple(s for s in c.problem.signals if s in moved) or c.problem.signals
 
 
-def _isclear(gain: float, trace: float, leaves: Sequence[Leaf]) -> bool:
-    """Whether effects of `gain` nats that move a signal by `trace` floors are neither chance nor trifle."""
+def _isclear(gain: float, trace: float, leaves: Sequence[Leaf], share: Callable[[], float]) -> bool:
+    """Whether effects of `gain` nats that move a signal by `trace` floors, and explain `share` of what stands
+    without them, are neither chance nor trifle."""
     if all(leaf.effect in ALWAYS for leaf in leaves):
+        if gain > DECISIVE and trace > STEADY_FAINT and share() > MOST:
+            return True
         return gain > CLEAR and trace > STEADY
     return (gain > CLEAR and trace > MATERIAL) or (gain > DECISIVE and trace > FAINT)

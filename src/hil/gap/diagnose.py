@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from hil.config import RigFile
+from hil.gap.calmer import calmed
 from hil.gap.candidates import fit_candidates
 from hil.gap.diagnosis import Diagnosis
 from hil.gap.heldout import split
@@ -108,6 +109,14 @@ def explain(
         return no_gap(located, parts.text)
     c, none, search = begin(e, parts, chosen, without, say, steps, seed)
     fits = fit_candidates(c, none, search, without, say)
+    calm = calmed(located, c, fits, seed)
+    if calm is not None:
+        say("once more beside the noise that the best fit leaves")
+        located = calm
+        c, none, search = begin(
+            calm.evidence, parts, chosen, without, say, steps, seed, search.bank
+        )
+        fits = fit_candidates(c, none, search, without, say)
     if steps:
         fits = rounded(c, fits, steps)
     return answer(located, c, fits, search.bank, ~parts.train(whole), parts.text, seed)

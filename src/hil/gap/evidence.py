@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hil.gap.bank import ABSOLUTE
 from hil.gap.fit import Calibrated, Fit, loss, step_size
+from hil.gap.friction import nested
 
 Array = NDArray[np.float64]
 
@@ -43,6 +44,9 @@ ALIKE: Final = 0.5
 """Floors by which the answers of two fits may differ on any signal within one class."""
 SAME: Final = 0.15
 """Floors by which the answers of one effect under two names differ at most."""
+ODDS: Final = 2.0
+"""Such units by which the best of those is ahead of the others at most: what is that small is how this rig
+differs from the twin, not which of them it is. Laws of friction that hold one another are excepted."""
 LONGEST_LAG: Final = 60
 LEAST: Final = 20
 """Samples of a series from which on its residual tells anything."""
@@ -93,6 +97,12 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     told = np.array([np.sum(_felt(c, f, worth) < TOLD) for f in fits])
     ends = np.array([len(f.at_bound) for f in fits])
     worth_of = logs / unit - SIMPLER * told - STUCK * ends
+    for g in set(group[real].tolist()):
+        mine = np.flatnonzero((group == g) & real)
+        head = int(mine[np.argmax(worth_of[mine])])
+        for k in mine.tolist():
+            if not nested(fits[head].leaves, fits[k].leaves) and not ends[k]:
+                worth_of[k] = max(worth_of[k], worth_of[head] - ODDS)
     worth_of = np.where(real, worth_of, -np.inf if real.any() else 0.0)
     p = np.exp(worth_of - worth_of.max())
     p /= p.sum()

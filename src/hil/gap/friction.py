@@ -36,6 +36,16 @@ def may_join(leaf: Leaf, others: Sequence[Leaf]) -> bool:
     )
 
 
+def nested(a: Sequence[Leaf], b: Sequence[Leaf]) -> bool:
+    """Whether two sets differ by nothing but laws of friction at one place, or one holds the other."""
+    only_a = [x for x in a if all(x.name != y.name for y in b)]
+    only_b = [x for x in b if all(x.name != y.name for y in a)]
+    if not only_a or not only_b:
+        return True
+    apart = (*only_a, *only_b)
+    return len({x.location for x in apart}) == 1 and all(x.effect in FRICTION for x in apart)
+
+
 def is_itself(f: Fit) -> bool:
     """Whether no effect of a fit has gone where it is another law of the rig's own friction near standstill:
     a hysteresis as narrow as it may be, a Stribeck curve that rises from rest."""

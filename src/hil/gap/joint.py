@@ -12,7 +12,7 @@ from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
 from hil.gap.friction import is_itself, may_join
 from hil.gap.leaves import Leaf
-from hil.gap.search import Proposal, Search
+from hil.gap.search import LIMITS, Proposal, Search
 from hil.gap.shares import above_noise, explained, most_left
 from hil.gap.starts import changes_of, relative
 
@@ -20,7 +20,7 @@ Report = Callable[[str], None]
 
 PAIRS: Final = 3
 """Further effects that are tried beside the best single or pair."""
-LEFT: Final = 1.15
+LEFT: Final = 1.1
 """Floors on any signal from which on more than one effect is looked for."""
 PROMISE: Final = 0.15
 """Of what the others leave above the floor, the least that a further effect takes in the linear picture."""
@@ -30,6 +30,8 @@ NEARLY: Final = 0.7
 """Of what an effect of the best set explains alone, what another must to be tried in its place; and of its
 trace, by how much less the two must differ."""
 SWAPS: Final = 3
+TOGETHER: Final = 12
+"""Best single candidates of which every two are looked at together in the linear picture."""
 ADDS: Final = 0.4
 """Of what the others leave, the least that a further effect must explain: less is how laws differ."""
 
@@ -61,12 +63,38 @@ def joint_fits(
             joint = fit(c, some, {**relative(c, head), **start}, p.z)
             if joint is not None and is_itself(joint) and adds(c, [*fits[1:], *out], joint):
                 new.append(joint)
+        if not out:
+            new += _unseen_pairs(c, fits, new, search, leaves, say)
         new += _swapped(c, fits, singles, new, say)
         out += new
         least = min(_cost(c, f) for f in heads)
         heads = sorted((f for f in new if _cost(c, f) < least), key=lambda f: _cost(c, f))[:1]
     if LOST not in without:
         out += _with_lost(c, fits, out, known, say)
+    return out
+
+
+def _unseen_pairs(
+    c: Calibrated,
+    fits: Sequence[Fit],
+    new: Sequence[Fit],
+    search: Search,
+    leaves: Sequence[Leaf],
+    say: Report,
+) -> list[Fit]:
+    """The best two together of which neither need look good alone: what best explains both may be a third."""
+    out = []
+    have = [{x.name for x in f.leaves} for f in new]
+    for p in search.pairs(search.alone()[:TOGETHER]):
+        a, b = (leaves[k] for k in p.leaves)
+        if {a.name, b.name} in have or not (may_join(a, [b]) and may_join(b, [a])):
+            continue
+        say(f"fitting {a.name} + {b.name}")
+        start = search.felt(changes_of([a, b], p.starts, c.problem))
+        joint = fit(c, [a, b], start, p.z) if start else None
+        if joint is not None and is_itself(joint) and adds(c, fits[1:], joint):
+            out.append(joint)
+        break
     return out
 
 
@@ -149,7 +177,10 @@ def _proposed(
         least = max(PROMISE * above_noise(c, head), NATS)
         rest = Search(replace(c, z=head.z), search.bank, head.white).alone()
         able = [p for p in rest if p.gain > least and may_join(leaves[p.leaves[0]], head.leaves)]
-        for p in able[:count]:
+        limits = [
+            p for p in rest if leaves[p.leaves[0]].effect in LIMITS and NATS < p.gain <= least
+        ]
+        for p in (*able[:count], *limits[:1]):  # a limit a little off its value takes far less
             names = frozenset({leaves[p.leaves[0]].name, *(x.name for x in head.leaves)})
             out.setdefault(names, (head, p))
     return list(out.values())

@@ -2,7 +2,7 @@
 
 The steps: data sanity; twin replayed; how setpoint stamps meet the drives' ticks; nuisances refitted; the
 floor drawn and refitted alike; energies by cell; shares of what stands above the floor with intervals by
-resampling blocks of time. docs/gap-locate.md says why each is done so.
+resampling blocks of time. docs/gap.md says why each is done so.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hil.config import AxisGeometry, RigFile
 from hil.gap.arrivals import find_clocks
 from hil.gap.cells import Cells, count_cells
-from hil.gap.noise import find_noise, projected
+from hil.gap.noise import NoiseModel, find_noise, projected
 from hil.gap.nuisances import Nuisance, default_nuisances
 from hil.gap.problem import Problem
 from hil.gap.regions import region_codes
@@ -83,15 +83,19 @@ def locate(
         healthy=None if healthy is None else healthy.evidence.noise.levels,
     )  # fmt: skip
     found = projected(found, problem, best.jacobian, best.prior_sd)
-    motion = problem.motion(best.vector)
-    cells = count_cells(
-        problem, found, found.tamed(problem, best.residual), region_codes(problem, motion)
-    )
-    evidence = Evidence(
-        problem, found, best.vector, best.residual, best.jacobian, tuple(motion), cells
-    )
+    evidence = evidence_of(problem, found, best, problem.motion(best.vector))
     names = tuple(run.path.name for run in loaded)
     return located(rig, names, evidence, best, findings, rng)
+
+
+def evidence_of(
+    problem: Problem, noise: NoiseModel, best: Refit, motion: Sequence[dict[str, Array]]
+) -> Evidence:
+    """The refitted twin beside `noise`, cell by cell; `motion`: the twin's, as `Problem.motion` gives it."""
+    cells = count_cells(
+        problem, noise, noise.tamed(problem, best.residual), region_codes(problem, motion)
+    )
+    return Evidence(problem, noise, best.vector, best.residual, best.jacobian, tuple(motion), cells)
 
 
 def located(

@@ -19,6 +19,8 @@ LIMIT: Final = 3.0
 MASS: Final = 0.01
 """Of the platform's mass: a scale under the rig [R]."""
 COG_M: Final = 0.003
+INERTIA: Final = 0.01
+"""Of what turns with a pendulum's drive: weights tell a load's mass and place, not its inertia [R]."""
 VISCOUS: Final = 0.07
 """Of the rig file's own viscous friction: it follows the oil's temperature [R]."""
 COULOMB: Final = 0.06
@@ -49,14 +51,18 @@ class Nuisance:
 
 
 def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, ...]:
-    """Mass, its place, viscous friction, delays, level, offsets of forces and of the IMU.
+    """Mass, its place, a pendulum's inertia, viscous friction, delays, level, offsets of forces and IMU.
 
     Only those that the recorded `signals` can feel are given.
     """
     known = set(signals)
-    axis = isinstance(rig.geometry, AxisGeometry)
     out = [Nuisance("platform.payload_mass.mass", MASS * rig.mass.m, "kg")]
-    if not axis:
+    if isinstance(rig.geometry, AxisGeometry):
+        if rig.geometry.load == "pendulum":
+            sd = INERTIA * rig.actuators[0].effective_mass
+            out += [Nuisance(f"platform.payload_cog.{c}", COG_M, "m") for c in "xz"]
+            out.append(Nuisance("platform.payload_inertia.yy", sd, "kg·m²"))
+    else:
         out += [Nuisance(f"platform.payload_cog.{c}", COG_M, "m") for c in "xyz"]
         out += [Nuisance(f"platform.base_tilt.{c}", TILT_RAD, "rad") for c in ("roll", "pitch")]
     for a in rig.actuators:

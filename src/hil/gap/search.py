@@ -93,14 +93,25 @@ class Search:
         out = [self.set_of((k,)) for k in range(len(self.bank.leaves))]
         return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
 
-    def set_of(self, leaves: tuple[int, ...]) -> Proposal | None:
-        """The best starts and amplitudes of a set of leaves.
+    def pairs(self, alone: Sequence[Proposal]) -> list[Proposal]:
+        """Every two of the single proposals `alone`, each with its own start, best first."""
+        out = []
+        for a, b in itertools.combinations(alone, 2):
+            only = ((a.starts[0][0],), (b.starts[0][0],))
+            out.append(self.set_of((a.leaves[0], b.leaves[0]), only))
+        return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
+
+    def set_of(
+        self, leaves: tuple[int, ...], only: Sequence[Sequence[int]] | None = None
+    ) -> Proposal | None:
+        """The best starts (`only`: among these of each leaf) and amplitudes of a set of leaves.
 
         Amplitudes are those of least squares; what a start is worth is judged robustly, for an impact that
         comes a little early is worse than none in squares and still the right idea.
         """
         found: list[Proposal] = []
-        for starts in itertools.product(*(range(len(self.bank.places[k])) for k in leaves)):
+        options = only or [range(len(self.bank.places[k])) for k in leaves]
+        for starts in itertools.product(*options):
             columns = [self.bank.places[k][s] for k, s in zip(leaves, starts, strict=True)]
             index = [i for c in columns for i in c]
             for gram, inner, moves in self._pictures:

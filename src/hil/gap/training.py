@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.gap.bank import fill_bank
+from hil.gap.bank import Bank, fill_bank
 from hil.gap.fit import Calibrated, Fit, calibrated, fit
 from hil.gap.heldout import Split
 from hil.gap.leaves import find_leaves
@@ -27,9 +27,11 @@ def begin(
     say: Callable[[str], None],
     steps: Mapping[str, float],
     seed: int,
+    bank: Bank | None = None,
 ) -> tuple[Calibrated, Fit, Search]:
     """The calibrated twin on what `parts` lets fits see, its fit without effects, and the search among the
-    candidates but those of effects `without`. `steps`: by signal, those that its values come in."""
+    candidates but those of effects `without`. `steps`: by signal, those that its values come in. `bank`: what
+    candidates do, where that is known."""
     problem, rows = part_of(e.problem, parts)
     noise = noise_of(e.noise, e.problem, problem, rows)
     if steps:
@@ -40,7 +42,8 @@ def begin(
     if none is None:
         raise AssertionError("the calibrated twin stood a moment ago")
     c = replace(c, vector=none.vector, residual=none.residual, white=none.white, z=none.z)
-    say("computing what each candidate would do")
-    leaves = find_leaves(problem, none.vector, none.residual, without)
-    bank = fill_bank(problem, none.vector, problem.measured - none.residual, leaves)
+    if bank is None:
+        say("computing what each candidate would do")
+        leaves = find_leaves(problem, none.vector, none.residual, without)
+        bank = fill_bank(problem, none.vector, problem.measured - none.residual, leaves)
     return c, none, Search(c, bank)
