@@ -1,0 +1,89 @@
+"""What hides beside a sure fit, and what neither of two shows alone."""
+
+import numpy as np
+import pytest
+
+from hil.gap import diagnose
+from hil.gap.arrivals import find_clocks
+from hil.gap.friction import nested
+from hil.gap.leaves import Leaf
+from hil.gap.nuisances import default_nuisances
+from hil.gap.problem import Problem
+from hil.gap.runs import as_runs
+from hil.gap.ticks import Ticks, acting
+from hil.identify.replay import stretches
+from hil.sim import Twin
+from tests.gap.twin_runs import AXIS, effect, record
+
+
+def leaf(name, location="axis"):
+    return Leaf(name, location, (), (), None)
+
+
+def named(found):
+    return {(x.effect, x.location) for x in found.effects}
+
+
+def test_late_answers_are_found_beside_the_friction_that_made_them_look_like_noise():
+    both = record(
+        effect("coulomb_friction", force=70.0), effect("sensor_latency", "axis.force", delay=0.012)
+    )
+    found = diagnose(both, AXIS)
+    assert named(found) == {("coulomb_friction", "axis"), ("sensor_latency", "axis.force")}
+    late = next(x for x in found.effects if x.effect == "sensor_latency")
+    assert late.parameters["delay"].value == pytest.approx(0.012, rel=0.25)
+
+
+def test_two_that_together_look_like_a_third_are_found():
+    both = record(
+        effect("viscous_friction", coefficient=420.0),
+        effect("payload_mass", "platform", mass=60.0),
+    )
+    names = named(diagnose(both, AXIS))
+    assert ("viscous_friction", "axis") in names
+    assert names & {("payload_mass", "platform"), ("actuator_inertia", "axis")}
+
+
+def test_what_answers_alike_keeps_its_chance():
+    found = diagnose(record(effect("actuator_inertia", mass=60.0)), AXIS)
+    chance = {x.effect: x.probability for x in found.causes}
+    assert min(chance["actuator_inertia"], chance["payload_mass"]) > 0.08
+
+
+def test_laws_of_friction_at_one_place_hold_one_another_and_others_do_not():
+    plain, worn = leaf("coulomb_friction"), leaf("asymmetric_friction")
+    heavy = leaf("payload_mass", "platform")
+    assert nested([plain], [worn])
+    assert nested([plain], [plain, heavy])
+    assert not nested([plain], [heavy])
+    assert not nested([plain], [leaf("asymmetric_friction", "other")])
+
+
+def test_frames_near_a_tick_act_where_the_drive_took_them():
+    rng = np.random.default_rng(3)
+    frame = record(effect("coulomb_friction", force=5.0))
+    told = frame.dropna(subset=["axis.setpoint"])
+    sent = told["t"].to_numpy() + rng.uniform(0.0, 9e-4, len(told))
+    stamps = {
+        s: frame.loc[frame[s].notna(), "t"].to_numpy() for s in ("axis.position", "axis.force")
+    }
+    values = Twin(AXIS).replay({"axis": (sent, told["axis.setpoint"].to_numpy())}, stamps)
+    frame.loc[told.index, "t"] = sent
+    for s, v in values.items():
+        at = frame[s].notna()
+        frame.loc[at, s] = v + 0.5 * rng.standard_normal(len(v)) * (4.0 if "force" in s else 2e-5)
+    frame = frame.sort_values("t", kind="stable", ignore_index=True)
+    (run,) = as_runs(frame, AXIS)
+    (clock,) = find_clocks(Problem(AXIS, stretches(run))).values()
+    there, true = (acting(AXIS, sent, k) for k in (clock, Ticks(0.0, 0.0, 0.0)))
+    other_tick = np.abs(there - true) > 0.5 * AXIS.bus.position_loop
+    assert np.mean(other_tick) < 0.01
+
+
+def test_a_pendulum_may_turn_a_little_heavier_than_its_drawing():
+    hanging = AXIS.model_copy(
+        update={"geometry": AXIS.geometry.model_copy(update={"load": "pendulum"})}
+    )
+    names = {n.name for n in default_nuisances(hanging, ["axis.force"])}
+    assert "platform.payload_inertia.yy" in names
+    assert not any("inertia" in n.name for n in default_nuisances(AXIS, ["axis.force"]))
