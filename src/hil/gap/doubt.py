@@ -16,7 +16,7 @@ from hil.gap.clear import DECISIVE, EXPLAINED, other_than_steps
 from hil.gap.constancy import Variation, variation
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.heldout import Score
-from hil.gap.shares import explained
+from hil.gap.shares import explained, largest_ratio
 
 SOFT: Final = 0.06
 """How gradually."""
@@ -37,13 +37,15 @@ WELL: Final = (0.8, 0.95)
 """Shares explained of what was seen, between which HOLDS falls to HARMLESS: impacts come at other instants in
 another motion, and an effect that explains all of what was seen is there all the same."""
 HARMLESS: Final = -0.1
-VARIES: Final = 0.006
-"""Share of what is explained that a varying parameter may add, half of the time: a catalogue's effect of
-another law adds less than 0.003, its neighbours from outside mostly more than 0.007 [set on training cases of
-three worlds]."""
+VARIES: Final = (0.014, 0.006)
+"""Share of what is explained that a varying parameter may add, half of the time, where the fit leaves LEAVES
+floors of any signal: a catalogue's effect of another law adds less than 0.003 as a rule, and up to 0.01 where
+little is left; its neighbours from outside more than 0.028, or 0.007 where much is left [set on training
+cases of three worlds]."""
+LEAVES: Final = (1.5, 2.2)
 WAVES: Final = frozenset({"force_ripple", "lead_error"})
 WAVE_VARIES: Final = 0.04
-"""VARIES for them: a wave of another shape looks a little like one that changes with place."""
+"""The same for them: a wave of another shape looks a little like one that changes with place."""
 STEEP: Final = 0.25
 """How gradually, in the logarithm of that share."""
 
@@ -81,7 +83,9 @@ def doubt(
     varies = variation(c, none, f, bank, worth) if others else None
     if varies is None:
         return chance, None
-    half = WAVE_VARIES if varies.leaf.effect in WAVES else VARIES
+    half = float(np.interp(largest_ratio(c, f), LEAVES, VARIES))
+    if varies.leaf.effect in WAVES:
+        half = WAVE_VARIES
     odds = (half / max(varies.share, 1e-9)) ** (1.0 / STEEP)
     other = OTHERWISE + (1.0 - OTHERWISE) / (1.0 + odds)
     return max(chance, other), varies if other > max(chance, 0.5) else None

@@ -165,11 +165,20 @@ class Search:
             k += len(cols)
         a = np.linalg.solve(scaled, b) / size
         if np.any(a < lower) or np.any(a > upper):
-            root = np.linalg.cholesky(scaled)
+            root = _root(scaled)
             aim = np.linalg.solve(root, b)
             a = lsq_linear(root.T, aim, (lower * size, upper * size), method="bvls").x / size
         s = a * size
         return a, float(b @ s - 0.5 * s @ scaled @ s)
+
+
+def _root(scaled: Array) -> Array:
+    """Lower factor of inner products; rounding may have made those of nearly equal columns indefinite."""
+    try:
+        return np.asarray(np.linalg.cholesky(scaled))
+    except np.linalg.LinAlgError:
+        size, turn = np.linalg.eigh(scaled)
+        return np.asarray(np.linalg.cholesky(turn * np.maximum(size, np.sqrt(RIDGE)) @ turn.T))
 
 
 ONE_SIDED: Final = frozenset(

@@ -18,7 +18,7 @@ from hil.gap.doubt import Told, by_share, doubt, explained_share
 from hil.gap.evidence import weigh
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.locate import RATIO
-from hil.gap.result import Located
+from hil.gap.result import Located, SignalGap
 from hil.gap.shares import jumps, largest_ratio
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ def answer(
     none = fits[0]
     weighed, worth = weigh(c, fits)
     zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
-    is_large = largest_ratio(c, none) > LARGE or max(s.ratio for s in located.signals) > RATIO
+    is_large = largest_ratio(c, none) > LARGE or max(map(_surely, located.signals)) > RATIO
     weighed = clear(c, none, [w for w in weighed if w.fit.leaves], zero, is_large)
     if not weighed:
         signal, by = jumps(located)
@@ -102,6 +102,11 @@ def answer(
         located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
         part, whole, held_out, not_excited(c, bank), first, none, c,
     )  # fmt: skip
+
+
+def _surely(s: SignalGap) -> float:
+    """Floors above which a signal stands for sure: one kick by a frame that came late is no gap."""
+    return s.before_ci[0] / s.noise_floor if s.noise_floor > 0.0 else 0.0
 
 
 def judge(
