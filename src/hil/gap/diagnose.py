@@ -36,9 +36,8 @@ STRAIN: Final = 2.6
 """Prior standard deviations from which on a nuisance is suspected to hide an effect."""
 SUSPECT: Final = 1.2
 """Floors on any signal from which on candidates are weighed at all."""
-STIRRED: Final = 1.5
-"""Typical spreads of a position, lone samples and all, from which on rare events are looked for [set on
-training cases of two worlds: healthy rigs stay below 1.1]."""
+STIRRED: Final = 0.5
+"""Of what is a gap alone, from which on rare events are looked for [set on training cases]."""
 DRIFT: Final = 0.25
 """Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
 

@@ -13,21 +13,33 @@ FAINT: Final = 0.3
 """Squared floors of energy above the floor that are too few to speak of."""
 RARE: Final = 1.35
 """Floors of the usual residual up to which a gap is one of rare events."""
+WILD: Final = {"position": 3.0, "accel": 4.5}
+"""Floors of a signal, lone samples and all, that are a gap alone: healthy rigs of three worlds stay below 1.2
+and 3.1, for late frames are felt by accelerometers as well."""
 
 
 def jumps(located: Located) -> tuple[str | None, float]:
-    """The position signal whose residual, lone samples and all, stands furthest above its noise, and how many
-    typical spreads: an encoder's answers do not jump by themselves."""
+    """The signal whose lone samples stand out most, and how far, in what is a gap alone (WILD).
+
+    An encoder's answers do not jump by themselves, and nothing in the noise strikes an accelerometer. Forces
+    are not asked: a frame that reaches its drive a tick late kicks harder than much of what is a gap.
+    """
     e = located.evidence
     worst, most = None, 0.0
-    for x in e.problem.series:
-        if x.quantity != "position":
+    for signal in e.problem.signals:
+        parts = [x for x in e.problem.series if x.signal == signal]
+        limit = WILD.get(parts[0].quantity)
+        if limit is None:
             continue
-        kept = e.problem.kept[x.part]
-        left = e.residual[x.part][kept] / e.noise.sigma[x.part][kept]
-        ratio = float(np.sqrt(np.mean(left**2))) if len(left) else 0.0
-        if ratio > most:
-            worst, most = x.signal, ratio
+        kept = np.concatenate([e.problem.kept[x.part] for x in parts])
+        left = np.concatenate([e.residual[x.part] / e.noise.sigma[x.part] for x in parts])[kept]
+        drawn = np.hstack([e.noise.draws[:, x.part] / e.noise.sigma[x.part] for x in parts])[
+            :, kept
+        ]
+        usual = max(float(np.sqrt(np.mean(drawn**2))), 1.0) if drawn.size else 1.0
+        times = float(np.sqrt(np.mean(left**2))) / usual / limit if len(left) else 0.0
+        if times > most:
+            worst, most = signal, times
     return worst, most
 
 

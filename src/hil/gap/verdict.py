@@ -27,8 +27,6 @@ SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
 """Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
-WILD: Final = 3.0
-"""Typical spreads of a position, lone samples and all, that are a gap alone."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
@@ -50,8 +48,11 @@ def _nothing_like_it(located: Located, held_out: str) -> Diagnosis:
     return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)
 
 
-def _jumps(located: Located, held_out: str, signal: str) -> Diagnosis:
-    """A signal with samples that nothing in the catalogue makes."""
+def _small(located: Located, held_out: str) -> Diagnosis:
+    """Nothing to explain, or a signal with lone samples that nothing in the catalogue makes."""
+    signal, times = jumps(located)
+    if signal is None or times <= 1.0:
+        return no_gap(located, held_out)
     sentence = (
         f"A gap that nothing in the catalogue explains: samples of {signal} jump away from their neighbours "
         "far more than its noise does."
@@ -75,18 +76,12 @@ def answer(
     is_large = largest_ratio(c, none) > LARGE or max(map(_surely, located.signals)) > RATIO
     weighed = clear(c, none, [w for w in weighed if w.fit.leaves], zero, is_large)
     if not weighed:
-        signal, by = jumps(located)
-        if signal is not None and by > WILD:
-            found = _jumps(located, held_out, signal)
-        elif is_large:
-            found = _nothing_like_it(located, held_out)
-        else:
-            found = no_gap(located, held_out)
+        found = _nothing_like_it(located, held_out) if is_large else _small(located, held_out)
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
     share = explained_share(c, none, first, gain)
     if by_share(share, gain) > 0.5 and not is_large:
-        return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
+        return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     rng = np.random.default_rng(seed + 2)
     shown = Shown(located, none, held, rng)
     part = shown.score(first, signals(c, none, first))
