@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
 from hil.gap import diagnose
+from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
 
 
@@ -34,6 +36,27 @@ def test_an_encoder_that_jumps_now_and_then_is_a_gap_and_none_of_the_catalogue()
     found = diagnose(frame, AXIS)
     assert found.verdict == "unknown"
     assert "axis.position" in found.sentence
+
+
+def felt(frame):
+    """`frame` with what the axis' accelerometer would have answered."""
+    told = frame[["t", "axis.setpoint"]].dropna().to_numpy().T
+    stamps = np.arange(3.3e-4, frame["t"].iloc[-1], 1.0 / AXIS.imu.rate)
+    values = Twin(AXIS).replay({"axis": told}, {"imu.accel_x": stamps})["imu.accel_x"]
+    noise = AXIS.noise.accel * np.random.default_rng(8).standard_normal(len(stamps))
+    rows = pd.DataFrame({"t": stamps, "imu.accel_x": values + noise})
+    return pd.concat([frame, rows]).sort_values("t", kind="stable", ignore_index=True)
+
+
+def test_bangs_that_an_accelerometer_feels_are_a_gap_and_none_of_the_catalogue():
+    frame = felt(record())
+    assert diagnose(frame, AXIS).verdict == "no_gap"
+    answered = frame.index[frame["imu.accel_x"].notna()]
+    hit = np.random.default_rng(6).choice(answered[400:], 12, replace=False)
+    frame.loc[hit, "imu.accel_x"] += 5.0
+    found = diagnose(frame, AXIS)
+    assert found.verdict == "unknown"
+    assert "imu.accel_x" in found.sentence
 
 
 def test_a_fast_ripple_is_no_noise():
