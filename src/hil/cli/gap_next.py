@@ -13,6 +13,7 @@ from hil.cli.console import err, out, write_json
 from hil.config import BicycleFile
 from hil.configfile import load_any_rig
 from hil.errors import RunError
+from hil.gap.apply import FORMAT
 from hil.gap.bicycle.next import RideProposal, propose_ride, write_ride_proposal
 from hil.gap.next import Proposal, propose, write_proposal
 
@@ -85,8 +86,8 @@ def _read(path: Path) -> dict[str, Any]:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise RunError(f"{path}: is no JSON: {error}") from error
-    if not isinstance(tables, dict):
-        raise RunError(f"{path}: is no diagnosis")
+    if not isinstance(tables, dict) or tables.get("format") != FORMAT:
+        raise RunError(f"{path}: is no diagnosis: its format is not {FORMAT}")
     return tables
 
 
