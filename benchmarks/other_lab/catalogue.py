@@ -331,7 +331,10 @@ def _draw_inertia(rng, world, base):
     way = way / way.max()
     of = np.diag(np.array(world.rig.mass.inertia))
     high = 0.9 * float(of.min())
-    parameters = lambda s: {k: float(s * w) for k, w in zip(("xx", "yy", "zz"), way, strict=True)}  # noqa: E731
+
+    def parameters(size):
+        return {k: float(size * w) for k, w in zip(("xx", "yy", "zz"), way, strict=True)}
+
     return Candidate("payload_inertia", "platform", parameters, 5.0, 0.2, high)
 
 

@@ -99,7 +99,10 @@ class World:
     def _draw(self, rng):
         rig = self.rig
         n = len(rig.actuators)
-        near = lambda spread, size=None: 1.0 + rng.uniform(-spread, spread, size)  # noqa: E731
+
+        def near(spread, size=None):
+            return 1.0 + rng.uniform(-spread, spread, size)
+
         act = np.zeros((lay.ACT_ROWS, n))
         for row, value in lay.NEUTRAL.items():
             act[row] = value
