@@ -59,5 +59,5 @@ if not numba.config.CACHE_LOCATOR_CLASSES and not numba.config.CACHE_DIR:
 compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 # What runs in every step works in memory that its caller keeps, so it needs no reference counts. Numba would
-# count each view of an array in and out, atomically, which took two thirds of a step.
+# count each view of an array in and out, atomically, which took most of a step (decision 5).
 inner: Any = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True, _nrt=False)

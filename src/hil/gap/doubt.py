@@ -83,9 +83,8 @@ def doubt(
     varies = variation(c, none, f, bank, worth) if others else None
     if varies is None:
         return chance, None
-    half = float(np.interp(largest_ratio(c, f), LEAVES, VARIES))
-    if varies.leaf.effect in WAVES:
-        half = WAVE_VARIES
+    left = float(np.interp(largest_ratio(c, f), LEAVES, VARIES))
+    half = WAVE_VARIES if varies.leaf.effect in WAVES else left
     odds = (half / max(varies.share, 1e-9)) ** (1.0 / STEEP)
     other = OTHERWISE + (1.0 - OTHERWISE) / (1.0 + odds)
     return max(chance, other), varies if other > max(chance, 0.5) else None
