@@ -8,6 +8,7 @@ from typing import Final
 
 from hil.gap.evidence import Weighed
 from hil.gap.fit import Calibrated, Fit
+from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import touched, traces
 from hil.gap.leaves import Leaf
 from hil.gap.rounding import EFFECT as ROUNDED
@@ -95,7 +96,9 @@ def signals(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
 
 def _isclear(gain: float, trace: float, leaves: Sequence[Leaf], share: Callable[[], float]) -> bool:
     """Whether effects of `gain` nats that move a signal by `trace` floors, and explain `share` of what stands
-    without them, are neither chance nor trifle."""
+    without them, are neither chance nor trifle. Frames that were lost have each earned their odds."""
+    if all(leaf.effect == LOST for leaf in leaves):
+        return gain > CLEAR
     if all(leaf.effect in ALWAYS for leaf in leaves):
         if gain > DECISIVE and trace > STEADY_FAINT and share() > MOST:
             return True

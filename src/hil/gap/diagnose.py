@@ -19,15 +19,18 @@ from hil.config import RigFile
 from hil.gap.calmer import calmed
 from hil.gap.candidates import fit_candidates
 from hil.gap.diagnosis import Diagnosis
+from hil.gap.frames import EFFECT as LOST
+from hil.gap.frames import frames_lost
 from hil.gap.heldout import split
 from hil.gap.locate import locate
 from hil.gap.nuisances import Nuisance, default_nuisances
 from hil.gap.result import Located
 from hil.gap.rounding import coarse_steps, rounded
 from hil.gap.runs import as_runs
+from hil.gap.search import Search
 from hil.gap.shares import jumps, weighed_ratio
-from hil.gap.training import begin
-from hil.gap.verdict import answer, no_gap
+from hil.gap.training import begin, candidates_of
+from hil.gap.verdict import answer, no_gap, stands
 from hil.runs import Run
 
 Report = Callable[[str], None]
@@ -98,27 +101,29 @@ def explain(
     parts = split(whole, e.noise, e.residual)
     chosen = tuple(nuisances or default_nuisances(whole.rig, whole.signals))
     steps = {} if "sensor_quantisation" in without else coarse_steps(whole)
+    c, none = begin(e, parts, chosen, steps, seed)
     if not (
         located.is_gap
         or steps
         or _strained(located, chosen)
         or weighed_ratio(located) > SUSPECT
         or jumps(located)[1] > STIRRED
+        or (LOST not in without and frames_lost(c, none))
     ):
         return no_gap(located, parts.text)
-    c, none, search = begin(e, parts, chosen, without, say, steps, seed)
-    fits = fit_candidates(c, none, search, without, say)
+    say("computing what each candidate would do")
+    bank = candidates_of(c, none, without)
+    is_large = stands(located, c, none)
+    fits = fit_candidates(c, none, Search(c, bank), without, say)
     calm = calmed(located, c, fits, seed)
     if calm is not None:
         say("once more beside the noise that the best fit leaves")
         located = calm
-        c, none, search = begin(
-            calm.evidence, parts, chosen, without, say, steps, seed, search.bank
-        )
-        fits = fit_candidates(c, none, search, without, say)
+        c, none = begin(calm.evidence, parts, chosen, steps, seed)
+        fits = fit_candidates(c, none, Search(c, bank), without, say)
     if steps:
         fits = rounded(c, fits, steps)
-    return answer(located, c, fits, search.bank, ~parts.train(whole), parts.text, seed)
+    return answer(located, c, fits, bank, ~parts.train(whole), parts.text, seed, is_large)
 
 
 def _strained(located: Located, nuisances: Sequence[Nuisance]) -> bool:

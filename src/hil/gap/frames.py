@@ -28,6 +28,9 @@ REACH: Final = 10
 ODDS: Final = 6.0
 """Nats that a frame's mark must earn: few frames are lost."""
 FEWEST: Final = 4
+MARKED: Final = 2.0
+"""Times their odds, that frames must earn to be a gap alone: on healthy rigs of two worlds they earn none
+[set on training cases]."""
 EFFECT: Final = "lost_frames"
 SETPOINTS: Final = "bus.lost_frames.setpoints"
 ANSWERS: Final = "bus.lost_frames.answers"
@@ -45,6 +48,14 @@ def lost_answers(problem: Problem) -> float:
         missing += float(np.sum(np.maximum(slots - 1.0, 0.0)[slots < 10.0]))
         told += float(np.sum(slots[slots < 10.0]))
     return missing / max(told, 1.0)
+
+
+def frames_lost(c: Calibrated, none: Fit) -> bool:
+    """Whether setpoints were lost for sure: their marks are as rare as they are plain."""
+    found = fit_lost_frames(c, none)
+    if found is None:
+        return False
+    return none.cost(c.train) - found.cost(c.train) > MARKED * found.extra_cost
 
 
 def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:

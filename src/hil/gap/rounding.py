@@ -26,6 +26,8 @@ COARSER: Final = 1.8
 ON_GRID: Final = 0.99
 OFF: Final = 0.03
 """Of a step, that a value may lie beside the grid."""
+RETURNS: Final = 6
+"""Changes between two levels from which on they are steps: a sensor that dies changes once."""
 EARNED: Final = 5.0
 """Nats that each value on a grid earns, for it cannot be there by chance."""
 EFFECT: Final = "sensor_quantisation"
@@ -49,6 +51,8 @@ def coarse_steps(problem: Problem) -> dict[str, float]:
 def step_of(values: Array) -> float | None:
     """The step of a grid on which nearly all values lie, None where there is none."""
     levels = np.unique(values)
+    if len(levels) == 2:
+        return _of_two(values, levels)
     if len(levels) < 3 or len(levels) > 0.8 * len(values):
         return None
     gaps = np.diff(levels)
@@ -63,6 +67,14 @@ def step_of(values: Array) -> float | None:
     place = (values - levels[0]) / step
     on_grid = np.abs(place - np.round(place)) < OFF
     return step if float(on_grid.mean()) > ON_GRID else None
+
+
+def _of_two(values: Array, levels: Array) -> float | None:
+    """The step between two levels of a grid through zero, between which a signal goes to and fro."""
+    step = float(levels[1] - levels[0])
+    on_grid = abs(levels[0] / step - round(levels[0] / step)) < OFF
+    returns = int(np.count_nonzero(np.diff(values)))
+    return step if on_grid and returns >= RETURNS else None
 
 
 def coarser(

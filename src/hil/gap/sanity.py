@@ -7,7 +7,7 @@ units, signs and clocks that no table shows by itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -64,7 +64,21 @@ def refuse(findings: Iterable[Finding]) -> None:
 
 def check_runs(runs: Sequence[Run], rig: RigFile) -> list[Finding]:
     """The tables by themselves: rig, signals that are missing, holes, stuck and clipped values, motion."""
-    return [f for run in runs for f in (*_whole(run, rig), *_motion(run, rig), *_signals(run, rig))]
+    coarse = _coarse(runs)
+    return [
+        f for run in runs
+        for f in (*_whole(run, rig), *_motion(run, rig), *_signals(run, rig, coarse))
+    ]  # fmt: skip
+
+
+def _coarse(runs: Sequence[Run]) -> frozenset[str]:
+    """Columns whose values, over all runs, lie in steps: where one is coarse, a signal stays on it."""
+    columns = dict.fromkeys(str(c) for run in runs for c in run.table.columns if c != "t")
+    pooled = {
+        c: np.concatenate([_values(run, c) for run in runs if c in run.table.columns])
+        for c in columns
+    }
+    return frozenset(c for c, values in pooled.items() if step_of(values) is not None)
 
 
 def _whole(run: Run, rig: RigFile) -> list[Finding]:
@@ -125,7 +139,7 @@ def _motion(run: Run, rig: RigFile) -> list[Finding]:
     return out
 
 
-def _signals(run: Run, rig: RigFile) -> list[Finding]:
+def _signals(run: Run, rig: RigFile, coarse: Collection[str]) -> list[Finding]:
     out: list[Finding] = []
     for column in map(str, run.table.columns):
         if column == "t" or column.startswith("cue."):
@@ -138,7 +152,8 @@ def _signals(run: Run, rig: RigFile) -> list[Finding]:
             continue
         out += _holes(column, t)
         if not column.endswith("setpoint"):
-            out += _stuck(run, rig, column, t, values)
+            if column not in coarse:
+                out += _stuck(run, rig, column, t, values)
             out += _clipped(rig, column, values)
     return out
 
@@ -169,8 +184,8 @@ def _stuck(run: Run, rig: RigFile, column: str, t: Array, values: Array) -> list
         moved = float(np.ptp(told)) if len(told) else 0.0
     elif spread > 2.0 * step:
         moved = np.inf
-    if moved <= 20.0 * max(step, spread, 1e-9) or step_of(values) is not None:
-        return []  # at rest, or rounded so coarsely that it stays on one step
+    if moved <= 20.0 * max(step, spread, 1e-9):
+        return []  # at rest
     share = (t[last] - t[first]) / max(t[-1] - t[0], 1e-9)
     text = f"stands at {values[first]:.6g} from {t[first]:.3f} to {t[last]:.3f} s"
     if quantity == "position":
@@ -211,7 +226,7 @@ def check_answers(problem: Problem) -> list[Finding]:
         t = problem.t_s[x.part][kept]
         m, p = problem.measured[x.part][kept], predicted[x.part][kept]
         sigma = sensor_sigma(problem.rig, x)
-        if p.std() < 10.0 * sigma:
+        if p.std() < 10.0 * sigma or m.std() == 0.0:
             continue
         found = _factor(problem, x, m, p)
         if found is not None:
@@ -231,8 +246,6 @@ def check_answers(problem: Problem) -> list[Finding]:
 
 def _factor(problem: Problem, x: Series, m: Array, p: Array) -> Finding | None:
     a, b = m - m.mean(), p - p.mean()
-    if a.std() == 0.0:
-        return None
     alike = float(a @ b / np.sqrt((a @ a) * (b @ b)))
     gain = float(a @ b / (b @ b))
     if alike < -ALIKE + 0.2 and x.quantity != "accel":

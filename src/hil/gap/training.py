@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,22 +16,17 @@ from hil.gap.residual import Refit
 from hil.gap.restrict import noise_of, part_of
 from hil.gap.result import Evidence
 from hil.gap.rounding import coarser
-from hil.gap.search import Search
 
 
 def begin(
     e: Evidence,
     parts: Split,
     nuisances: Sequence[Nuisance],
-    without: Collection[str],
-    say: Callable[[str], None],
     steps: Mapping[str, float],
     seed: int,
-    bank: Bank | None = None,
-) -> tuple[Calibrated, Fit, Search]:
-    """The calibrated twin on what `parts` lets fits see, its fit without effects, and the search among the
-    candidates but those of effects `without`. `steps`: by signal, those that its values come in. `bank`: what
-    candidates do, where that is known."""
+) -> tuple[Calibrated, Fit]:
+    """The calibrated twin on what `parts` lets fits see, and its fit without effects. `steps`: by signal,
+    those that its values come in."""
     problem, rows = part_of(e.problem, parts)
     noise = noise_of(e.noise, e.problem, problem, rows)
     if steps:
@@ -41,9 +36,10 @@ def begin(
     none = fit(c, (), {})
     if none is None:
         raise AssertionError("the calibrated twin stood a moment ago")
-    c = replace(c, vector=none.vector, residual=none.residual, white=none.white, z=none.z)
-    if bank is None:
-        say("computing what each candidate would do")
-        leaves = find_leaves(problem, none.vector, none.residual, without)
-        bank = fill_bank(problem, none.vector, problem.measured - none.residual, leaves)
-    return c, none, Search(c, bank)
+    return replace(c, vector=none.vector, residual=none.residual, white=none.white, z=none.z), none
+
+
+def candidates_of(c: Calibrated, none: Fit, without: Collection[str]) -> Bank:
+    """What each candidate would do, but those of effects `without`."""
+    leaves = find_leaves(c.problem, none.vector, none.residual, without)
+    return fill_bank(c.problem, none.vector, c.problem.measured - none.residual, leaves)

@@ -14,7 +14,7 @@ from hil.gap.causes import Shown, weighed_causes
 from hil.gap.clear import clear, signals
 from hil.gap.constancy import Variation
 from hil.gap.diagnosis import Cause, Diagnosis, Verdict
-from hil.gap.doubt import Told, by_share, doubt, explained_share
+from hil.gap.doubt import HOLDS, Told, by_share, doubt, explained_share
 from hil.gap.evidence import weigh
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.locate import RATIO
@@ -68,12 +68,15 @@ def answer(
     held: NDArray[np.bool_],
     held_out: str,
     seed: int,
+    is_large: bool,
 ) -> Diagnosis:
-    """The diagnosis of `fits`, the first of them the twin without effects; `held` (N,): unseen samples."""
+    """The diagnosis of `fits`, the first of them the twin without effects; `held` (N,): unseen samples.
+
+    `is_large`: whether the gap stands by itself, whatever explains it (`stands`).
+    """
     none = fits[0]
     weighed, worth = weigh(c, fits)
     zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
-    is_large = largest_ratio(c, none) > LARGE or max(map(_surely, located.signals)) > RATIO
     weighed = clear(c, none, [w for w in weighed if w.fit.leaves], zero, is_large)
     if not weighed:
         found = _nothing_like_it(located, held_out) if is_large else _small(located, held_out)
@@ -85,6 +88,8 @@ def answer(
     rng = np.random.default_rng(seed + 2)
     shown = Shown(located, none, held, rng)
     part = shown.score(first, signals(c, none, first))
+    if not is_large and part.shrink is not None and part.shrink < HOLDS:
+        return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     whole = shown.score(first, c.problem.signals)
     unknown, varies = doubt(c, none, first, Told(share, gain, part), bank, worth)
     causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
@@ -97,6 +102,11 @@ def answer(
         located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
         part, whole, held_out, not_excited(c, bank), first, none, c,
     )  # fmt: skip
+
+
+def stands(located: Located, c: Calibrated, none: Fit) -> bool:
+    """Whether a signal is a gap by itself, before anything is known of what makes it."""
+    return largest_ratio(c, none) > LARGE or max(map(_surely, located.signals)) > RATIO
 
 
 def _surely(s: SignalGap) -> float:

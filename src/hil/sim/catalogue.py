@@ -47,6 +47,10 @@ def _force(share: float) -> Callable[[Actuator], float]:
     return lambda a: share * a.force_max
 
 
+def _travel(share: float) -> Callable[[Actuator], float]:
+    return lambda a: share * (a.stroke[1] - a.stroke[0])
+
+
 def _coulomb(parameter: str) -> Spec:
     return Spec(parameter, "N", 0.0, _own_friction, _force(0.5), _force(0.01))
 
@@ -97,7 +101,7 @@ ACTUATOR: Effects = {
         Spec("integral", "1", 1.0, 0.0, 10.0, 0.3),
     ),
     "transport_delay": (Spec("delay", "s", 0.0, -0.05, 0.2, 2e-3),),
-    "position_offset": (Spec("offset", "m", 0.0, -0.05, 0.05, 1e-3),),
+    "position_offset": (Spec("offset", "m", 0.0, _travel(-0.25), _travel(0.25), 1e-3),),
     "lead_error": (
         Spec("scale", "1", 1.0, 0.8, 1.2, 5e-3),
         Spec("amplitude", "m", 0.0, 0.0, 1e-3, 5e-5),

@@ -24,8 +24,9 @@ from hil.gap.noise import NoiseModel
 from hil.gap.nuisances import Nuisance
 from hil.gap.problem import Mask
 from hil.gap.result import Located
-from hil.gap.training import begin
-from hil.gap.verdict import answer, judge
+from hil.gap.search import Search
+from hil.gap.training import begin, candidates_of
+from hil.gap.verdict import answer, judge, stands
 from hil.runs import Run
 
 EXPLAINED: Final = 0.72
@@ -113,12 +114,15 @@ def _weighed(
     """As `hil.gap.diagnose.explain`, with the sets that rides ask for."""
     e = located.evidence
     parts = split(e.problem, e.noise, e.residual)
-    c, none, search = begin(e, parts, chosen, without, say, {}, seed)
-    fits = fit_sets(c, none, search, search.bank.leaves, say)
-    held = ~parts.train(e.problem)
+    c, none = begin(e, parts, chosen, {}, seed)
+    say("computing what each candidate would do")
+    bank = candidates_of(c, none, without)
+    fits = fit_sets(c, none, Search(c, bank), bank.leaves, say)
+    held, is_large = ~parts.train(e.problem), stands(located, c, none)
 
     def answered(some: Sequence[Fit]) -> Diagnosis:
-        return _by_energy(answer(located, c, [none, *some], search.bank, held, parts.text, seed))
+        every = [none, *some]
+        return _by_energy(answer(located, c, every, bank, held, parts.text, seed, is_large))
 
     found = answered(fits[1:])
     if found.best is None or found.verdict != "unknown":
