@@ -14,7 +14,7 @@ from hil.gap.causes import Shown, weighed_causes
 from hil.gap.clear import clear, signals
 from hil.gap.constancy import Variation
 from hil.gap.diagnosis import Cause, Diagnosis, Verdict
-from hil.gap.doubt import HOLDS, Told, by_share, doubt, explained_share
+from hil.gap.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share
 from hil.gap.evidence import weigh
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.locate import RATIO
@@ -88,7 +88,8 @@ def answer(
     rng = np.random.default_rng(seed + 2)
     shown = Shown(located, none, held, rng)
     part = shown.score(first, signals(c, none, first))
-    if not is_large and part.shrink is not None and part.shrink < HOLDS:
+    is_faint = part.before <= STANDS * part.floor
+    if not is_large and is_faint and part.shrink is not None and part.shrink < HOLDS:
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     whole = shown.score(first, c.problem.signals)
     unknown, varies = doubt(c, none, first, Told(share, gain, part), bank, worth)
