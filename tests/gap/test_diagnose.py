@@ -12,6 +12,7 @@ from hil.cli.gap_diagnose import all_but
 from hil.errors import IdentificationError, RunError
 from hil.gap import diagnose, locate
 from hil.gap.leaves import find_leaves
+from hil.gap.rounding import step_of
 from hil.ui.diagnosis_page import diagnosis_page
 from tests.gap.twin_runs import AXIS, effect, record
 
@@ -119,3 +120,18 @@ def test_a_force_rounded_so_coarsely_that_it_stays_on_one_step_is_no_stuck_senso
     assert (cause.effect, cause.location) == ("sensor_quantisation", "axis.force")
     assert cause.parameters["step"].value == pytest.approx(100.0)
     assert not any("stuck" in f.text for f in found.located.findings)
+
+
+def test_a_step_is_read_from_two_levels_between_which_a_signal_goes_to_and_fro():
+    often = np.repeat([0.0, 699.0, 0.0, 699.0, 0.0, 699.0, 0.0], 20)
+    assert step_of(often) == pytest.approx(699.0)
+    assert step_of(often + 100.0) is None  # no grid that rounding makes
+    assert step_of(np.repeat([0.0, 699.0], 70)) is None  # a sensor that died
+
+
+def test_a_force_that_changes_once_and_never_again_is_a_stuck_sensor(healthy):
+    dead = healthy.copy()
+    dead["axis.force"] = dead["axis.force"].where(dead["axis.force"].isna(), 640.0)
+    dead.loc[dead["t"] < 1.5, "axis.force"] *= 0.0
+    with pytest.raises(IdentificationError, match=r"axis\.force.*stuck"):
+        diagnose(dead, AXIS)

@@ -66,12 +66,18 @@ def test_frames_lost_beside_a_friction_are_named_as_well():
     assert named(found) == {("coulomb_friction", "axis"), ("lost_frames", "bus")}
 
 
-def with_lost_frames(*effects):
-    """A record whose drive never saw one setpoint in forty."""
+def test_a_few_lost_frames_are_a_gap_alone():
+    found = diagnose(with_lost_frames(every=150), AXIS)
+    assert found.verdict == "identified"
+    assert named(found) == {("lost_frames", "bus")}
+
+
+def with_lost_frames(*effects, every=40):
+    """A record whose drive never saw one setpoint in `every`."""
     asked = record(*effects)
     told = asked.dropna(subset=["axis.setpoint"])
     seen = np.ones(len(told), dtype=bool)
-    seen[200:1300:40] = False
+    seen[200:1300:every] = False
     stamps = {
         s: asked.loc[asked[s].notna(), "t"].to_numpy() for s in ("axis.position", "axis.force")
     }

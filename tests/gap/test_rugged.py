@@ -20,6 +20,13 @@ def test_a_spring_that_swings_between_the_starts_is_found() -> None:
     assert parameters["damping"].value == pytest.approx(400.0, rel=0.3)
 
 
+def test_a_spring_that_stiffens_and_swings_far_is_found() -> None:
+    spring = effect("compliance", stiffness=9e4, damping=250.0, hardening=0.5)
+    found = diagnose(record(spring, duration_s=20.0), AXIS)
+    assert [x.effect for x in found.effects] == ["compliance"]
+    assert found.effects[0].parameters["stiffness"].value == pytest.approx(9e4, rel=0.15)
+
+
 def test_starts_about_a_start_move_nothing_but_what_is_rugged() -> None:
     table = ParameterTable(AXIS)
     vector = table.vector({"axis.backlash.gap": 2e-5})

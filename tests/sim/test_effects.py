@@ -6,6 +6,7 @@ import functools
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from hil.config import RigFile
 from hil.configfile import load_rig
@@ -295,6 +296,46 @@ def test_motor_and_load_swing_against_each_other_at_the_resonance(stiffness: flo
     assert np.mean(windup) == pytest.approx(static, rel=0.02)
     fade = np.max(np.abs(swing[-200:])) / np.max(np.abs(swing[:200]))
     assert fade > 0.97  # no damping but the one asked for
+
+
+def test_a_transmission_that_stiffens_swings_as_an_integration_of_its_law_says() -> None:
+    k, hardening, push = 2e5, 0.5, 800.0
+    line = effect("compliance", "axis", stiffness=k, damping=0.0, hardening=hardening)
+    rig = frictionless("axis")
+    plant = Plant(with_effects(rig, line))
+    plant.reset(mode="force")
+    plant.set_setpoint(0, push, 0.0)
+    t = np.arange(0.001, 0.151, 0.00025)
+    windup, force = [], []
+    for now in t:
+        plant.advance(now)
+        windup.append(plant.position(0) - plant.pose()[0])
+        force.append(plant.force(0))
+    width = 0.1 * rig.actuators[0].force_max / k
+
+    def law(now: float, s: np.ndarray) -> list[float]:
+        spring = k * s[0] * (1.0 + hardening * (s[0] / width) ** 2)
+        motor = np.interp(now, t, force)
+        return [s[1], (motor - spring) / 40.0 - spring / 95.0]
+
+    start = [windup[0], (windup[1] - windup[0]) / 0.00025]
+    exact = solve_ivp(law, (t[0], t[-1]), start, t_eval=t, rtol=1e-8, max_step=2e-4).y[0]
+    assert np.max(exact) > 1.5 * width  # far into the stiff part
+    assert np.max(np.abs(np.array(windup) - exact)) < 0.02 * np.max(exact)
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.3, 5.0])
+def test_a_transmission_at_rest_is_wound_up_as_far_as_its_law_says(hardening: float) -> None:
+    plain = load_rig("motorcycle")
+    line = effect("compliance", "leg1", stiffness=1e5, damping=100.0, hardening=hardening)
+    plant = Plant(with_effects(plain, line))
+    plant.reset(mode="position")
+    load = plant.force(0)
+    rigid = Plant(plain)
+    rigid.reset(plant.pose(), mode="position")
+    e = plant.position(0) - rigid.position(0)
+    width = 0.1 * plain.actuators[0].force_max / 1e5
+    assert 1e5 * e * (1.0 + hardening * (e / width) ** 2) == pytest.approx(load, rel=1e-6)
 
 
 def test_a_very_stiff_transmission_behaves_as_a_rigid_one() -> None:

@@ -23,6 +23,9 @@ SPRING: Final = ".compliance.stiffness"
 STIFFER: Final = (0.4, 0.55, 0.75, 1.0, 1.35, 1.8, 2.5)
 LOOSER: Final = (0.4, 1.0, 2.5)
 """Times the damping ratio of the start."""
+HARDER: Final = (0.6, 1.0, 1.6)
+"""Times the stiffening of the start, where that has any; else none, or so much."""
+HARD: Final = 0.25
 
 
 def is_swinging(names: Iterable[str]) -> bool:
@@ -35,10 +38,13 @@ def about(table: ParameterTable, start: Mapping[str, float], vector: Array) -> A
     spring = next((n for n in start if n.endswith(SPRING)), None)
     if spring is not None:
         k, d = table.index(spring), table.index(spring.replace("stiffness", "damping"))
-        pairs = np.array([(s, x) for s in STIFFER for x in LOOSER])
-        rows = np.tile(vector, (len(pairs), 1))
-        rows[:, k] = np.clip(vector[k] * pairs[:, 0], table[spring].lower, table[spring].upper)
-        rows[:, d] = vector[d] * pairs[:, 1] * np.sqrt(pairs[:, 0])
+        hard = table.index(spring.replace("stiffness", "hardening"))
+        most = [h * vector[hard] for h in HARDER] if vector[hard] > 0.0 else [0.0, HARD]
+        some = np.array([(s, x, h) for s in STIFFER for x in LOOSER for h in most])
+        rows = np.tile(vector, (len(some), 1))
+        rows[:, k] = np.clip(vector[k] * some[:, 0], table[spring].lower, table[spring].upper)
+        rows[:, d] = vector[d] * some[:, 1] * np.sqrt(some[:, 0])
+        rows[:, hard] = some[:, 2]
         return rows
     name = next(iter(start), "")
     if len(start) != 1 or not name.endswith(RUGGED):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
+from hil.gap.clear import EXPLAINED
 from hil.gap.fit import Calibrated, Fit, fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
@@ -17,6 +18,7 @@ from hil.gap.leaves import Leaf
 from hil.gap.search import Proposal, Search
 from hil.gap.shares import explained, most_left
 from hil.gap.starts import changes_of
+from hil.gap.swings import swing, unsteady
 
 Report = Callable[[str], None]
 
@@ -64,11 +66,26 @@ def _single_fits(
             out.append(found)
     out += _peaked_fits(c, out, leaves, say)
     well = max((explained(c, none, f) for f in out), default=0.0)
+    if well < EXPLAINED:
+        swinging = _swinging(c, none, leaves, say)
+        out = [*(f for f in out if f.leaves not in [x.leaves for x in swinging]), *swinging]
     if LOST not in without and well < WELL:
         say("looking for lost frames")
         lost = fit_lost_frames(c, none)
         if lost is not None:
             out.append(lost)
+    return out
+
+
+def _swinging(c: Calibrated, none: Fit, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
+    """Springs that a scan finds where nothing explains the gap: no column shows a resonance but its own."""
+    out = []
+    for leaf in unsteady(c, none, leaves):
+        say(f"looking for swings of {leaf.location}")
+        start = swing(c, none, leaf)
+        found = fit(c, [leaf], start) if start else None
+        if found is not None:
+            out.append(found)
     return out
 
 

@@ -131,7 +131,7 @@ def _actuator(
         leaf("backlash", "gap", [({}, {"gap": g}) for g in GAPS_M]),
         leaf("hysteresis", "force displacement",
              [({"displacement": x}, {"force": f}) for x in WIDTHS_M]),
-        leaf("compliance", "stiffness damping", [_spring(a, f_hz) for f_hz in SWINGS_HZ]),
+        leaf("compliance", "stiffness damping hardening", [_spring(a, f_hz) for f_hz in SWINGS_HZ]),
         leaf("actuator_inertia", "mass", [({}, {"mass": scale("actuator_inertia", "mass")})]),
         leaf("force_constant", "scale", [({}, {"scale": 1.05})]),
         leaf("loop_gain", "position speed integral",
@@ -164,10 +164,16 @@ def _actuator(
 
 
 def _spring(a: Actuator, swing_hz: float) -> tuple[Changes, Changes]:
-    """Damping, and the stiffness on which what the actuator carries swings with `swing_hz`."""
+    """What is set, and the stiffness on which what the actuator carries swings with `swing_hz`."""
+    stiffness, damping = spring(a, swing_hz)
+    return {"damping": damping, "hardening": 0.0}, {"stiffness": stiffness}
+
+
+def spring(a: Actuator, swing_hz: float) -> tuple[float, float]:
+    """Stiffness (N/m) on which what an actuator carries swings with `swing_hz`, and damping (N·s/m)."""
     load_kg = max(a.effective_mass - a.reflected_mass, 0.1 * a.effective_mass)
     stiffness = load_kg * (2.0 * math.pi * swing_hz) ** 2
-    return {"damping": 2.0 * DAMPED * math.sqrt(stiffness * load_kg)}, {"stiffness": stiffness}
+    return stiffness, 2.0 * DAMPED * math.sqrt(stiffness * load_kg)
 
 
 def _waves(amplitude: float) -> tuple[Changes, Changes]:

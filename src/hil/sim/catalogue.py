@@ -78,6 +78,7 @@ ACTUATOR: Effects = {
     "compliance": (
         Spec("stiffness", "N/m", math.inf, 1e3, math.inf, 2e6, "reciprocal"),
         Spec("damping", "N·s/m", 0.0, 0.0, 1e6, 500.0),
+        Spec("hardening", "1", 0.0, 0.0, 20.0, 0.3),
     ),
     "actuator_inertia": (
         Spec("mass", "kg", 0.0, lambda a: -0.9 * a.reflected_mass, 1e3, lambda a: 0.05 * a.effective_mass),

@@ -38,6 +38,7 @@ P_HYST_F = _a("hysteresis", "force")
 P_HYST_X = _a("hysteresis", "displacement")
 P_STIFFNESS = _a("compliance", "stiffness")
 P_DAMPING = _a("compliance", "damping")
+P_HARDENING = _a("compliance", "hardening")
 P_INERTIA = _a("actuator_inertia", "mass")
 P_FMAX = _a("force_saturation", "limit")
 P_VMAX = _a("velocity_saturation", "limit")
@@ -92,10 +93,11 @@ the IMU's answers s, delay of the drives' answers s, whether arrivals act betwee
     A_KP, A_KV, A_KI, A_KFV, A_KFA, A_KFF, A_MEFF, A_CURRENT_W, A_STATIC_FF, A_PD, A_FORCE_PER_A,
     A_BRAKE, A_FF_VISCOUS, A_FF_COULOMB, A_STRIBECK_C, A_STRIBECK_D, A_STRIBECK_V, A_LOAD, A_LOAD_ASYM,
     A_GAP, A_HYST_F, A_HYST_X, A_STIFFNESS, A_DAMPING, A_RIPPLE_A, A_RIPPLE_P, A_RIPPLE_PHASE,
-    A_FORCE_SCALE, A_DELAY, A_OFFSET, A_LEAD, A_LEAD_A, A_LEAD_P, A_LEAD_PHASE,
-) = range(43)  # fmt: skip
-A_ROWS = 43
-"""Rows of the actuators' constants, SI at the output; A_STRIBECK_D is static minus Coulomb friction."""
+    A_FORCE_SCALE, A_DELAY, A_OFFSET, A_LEAD, A_LEAD_A, A_LEAD_P, A_LEAD_PHASE, A_HARDENING,
+) = range(44)  # fmt: skip
+A_ROWS = 44
+"""Rows of the actuators' constants, SI at the output; A_STRIBECK_D is static minus Coulomb friction,
+A_HARDENING how much a transmission stiffens with the square of its wind-up, 1/m²."""
 
 BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
 """Lengths; IMU: position (3), rotation sensor → platform (9), bandwidth Hz."""

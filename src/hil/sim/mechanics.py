@@ -97,16 +97,18 @@ def _couple(act, st, w, i, h):  # type: ignore[no-untyped-def]
         if contact != 0.0:
             load = max(act[lay.A_MEFF, i] - m, 0.1 * act[lay.A_MEFF, i])
             inverse = 1.0 / m + 1.0 / load
-            k, d = act[lay.A_STIFFNESS, i], act[lay.A_DAMPING, i]
+            k, d, hard = act[lay.A_STIFFNESS, i], act[lay.A_DAMPING, i], act[lay.A_HARDENING, i]
             if k == math.inf:  # flank of a rigid transmission: meets it without bounce
                 k, d = 1e6 / (inverse * h * h), 0.0
-            stiff = 0.25 * inverse * (k * h * h + d * h)
-            theta = 0.5 + 0.5 * stiff / (1.0 + stiff)
             u = st[lay.S_VM, i] - st[lay.S_RATE, i]
             e = st[lay.S_WINDUP, i]
             if contact != ALWAYS:
                 e -= 0.5 * contact * act[lay.A_GAP, i]
-            alpha = k * (e + theta * (1.0 - theta) * h * u) + (1.0 - theta) * d * u
+            spring = k * e * (1.0 + hard * e * e)
+            k *= 1.0 + 3.0 * hard * e * e
+            stiff = 0.25 * inverse * (k * h * h + d * h)
+            theta = 0.5 + 0.5 * stiff / (1.0 + stiff)
+            alpha = spring + theta * (1.0 - theta) * h * k * u + (1.0 - theta) * d * u
             beta = theta * theta * k * h + theta * d
         D = m + h * (c + beta)
         w[W_ALPHA, i], w[W_BETA, i], w[W_THETA, i] = alpha, beta, theta

@@ -19,6 +19,10 @@ from hil.sim import layout as lay
 
 Array = NDArray[np.float64]
 
+HARDENING_FORCE = 0.1
+"""Of an actuator's largest force: at the wind-up that it makes of a linear spring, `hardening` is the share
+by which a transmission is stiffer."""
+
 
 def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Array:
     """Constants of the rig file's nominal model, without its `effects`; layout in `hil.sim.layout`.
@@ -176,6 +180,8 @@ def apply_parameters(base, p, out):  # type: ignore[no-untyped-def]
         act[lay.A_HYST_X, i] = x[lay.P_HYST_X]
         act[lay.A_STIFFNESS, i] = x[lay.P_STIFFNESS]
         act[lay.A_DAMPING, i] = x[lay.P_DAMPING]
+        windup = HARDENING_FORCE * act[lay.A_FMAX, i] / x[lay.P_STIFFNESS]
+        act[lay.A_HARDENING, i] = x[lay.P_HARDENING] / windup**2 if windup > 0.0 else 0.0
         act[lay.A_REFLECTED, i] += x[lay.P_INERTIA]
         act[lay.A_FMAX, i] = x[lay.P_FMAX]
         act[lay.A_VMAX, i] = x[lay.P_VMAX]

@@ -38,12 +38,21 @@ def read_encoders(act, st):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _windup(linear, hardening):  # type: ignore[no-untyped-def]
+    """Wind-up e of a spring that stiffens with its square: e + hardening e³ = `linear`, wind-up without."""
+    if hardening <= 0.0:
+        return linear
+    width = math.sqrt(0.75 * hardening)
+    return math.sinh(math.asinh(3.0 * width * linear) / 3.0) / width
+
+
+@inner
 def _at_rest(act, st, i, load):  # type: ignore[no-untyped-def]
     """Wind-up, encoder reading, its slope and current's force of actuator i that carry the static `load` (N)
     without friction. A load below 1 N does not press the flanks together: the motor stands within the gap."""
     e = 0.5 * act[lay.A_GAP, i] * min(max(load, -1.0), 1.0)
     if act[lay.A_STIFFNESS, i] != math.inf:
-        e += load / act[lay.A_STIFFNESS, i]
+        e += _windup(load / act[lay.A_STIFFNESS, i], act[lay.A_HARDENING, i])
     x = st[lay.S_RHO, i] + e
     reading, ratio = encoder(act, i, x)
     ripple = 0.0

@@ -34,7 +34,7 @@ def _transmitted(act, st, i, e, u):  # type: ignore[no-untyped-def]
         e -= math.copysign(gap, e)
     spring = act[lay.A_STIFFNESS, i] * e
     if act[lay.A_HARDENING, i] > 0.0:
-        spring *= 1.0 + (e / act[lay.A_HARDENING, i]) ** 2
+        spring *= 1.0 + abs(e) / act[lay.A_HARDENING, i]
     force = spring + act[lay.A_DAMPING, i] * u
     if gap > 0.0 and force * e < 0.0:  # a flank pushes, it never pulls
         return 0.0
