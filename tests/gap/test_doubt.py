@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from hil.gap import diagnose
 from hil.sim import Twin
@@ -36,6 +37,16 @@ def test_an_encoder_that_jumps_now_and_then_is_a_gap_and_none_of_the_catalogue()
     found = diagnose(frame, AXIS)
     assert found.verdict == "unknown"
     assert "axis.position" in found.sentence
+
+
+@pytest.mark.parametrize(("signal", "blow"), [("axis.position", 0.012), ("axis.force", 6000.0)])
+def test_one_blow_harder_than_any_late_frame_is_a_gap(signal: str, blow: float):
+    frame = record()
+    answered = frame.index[frame[signal].notna()]
+    frame.loc[answered[len(answered) // 2], signal] += blow
+    found = diagnose(frame, AXIS)
+    assert found.verdict == "unknown"
+    assert signal in found.sentence
 
 
 def felt(frame):

@@ -44,7 +44,7 @@ ALIKE: Final = 0.5
 """Floors by which the answers of two fits may differ on any signal within one class."""
 SAME: Final = 0.15
 """Floors by which the answers of one effect under two names differ at most."""
-ODDS: Final = 2.0
+ODDS: Final = 1.2
 """Such units by which the best of those is ahead of the others at most: what is that small is how this rig
 differs from the twin, not which of them it is. Laws of friction that hold one another are excepted."""
 LONGEST_LAG: Final = 60

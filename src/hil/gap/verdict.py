@@ -17,6 +17,7 @@ from hil.gap.diagnosis import Cause, Diagnosis, Verdict
 from hil.gap.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share
 from hil.gap.evidence import weigh
 from hil.gap.fit import Calibrated, Fit
+from hil.gap.heldout import Score
 from hil.gap.locate import RATIO
 from hil.gap.result import Located, SignalGap
 from hil.gap.shares import jumps, largest_ratio
@@ -88,11 +89,10 @@ def answer(
     rng = np.random.default_rng(seed + 2)
     shown = Shown(located, none, held, rng)
     part = shown.score(first, signals(c, none, first))
-    is_faint = part.before <= STANDS * part.floor
-    if not is_large and is_faint and part.shrink is not None and part.shrink < HOLDS:
-        return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     whole = shown.score(first, c.problem.signals)
     unknown, varies = doubt(c, none, first, Told(share, gain, part), bank, worth)
+    if not is_large and varies is None and _is_faint(part):
+        return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(
         next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
@@ -108,6 +108,12 @@ def answer(
 def stands(located: Located, c: Calibrated, none: Fit) -> bool:
     """Whether a signal is a gap by itself, before anything is known of what makes it."""
     return largest_ratio(c, none) > LARGE or max(map(_surely, located.signals)) > RATIO
+
+
+def _is_faint(unseen: Score) -> bool:
+    """Whether unseen data hardly show a gap, and do not bear out what explains the seen one."""
+    stands = unseen.before > STANDS * unseen.floor
+    return not stands and unseen.shrink is not None and unseen.shrink < HOLDS
 
 
 def _surely(s: SignalGap) -> float:
