@@ -1,16 +1,22 @@
 """What hides beside a sure fit, and what neither of two shows alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from hil.gap import diagnose
+from hil.gap import diagnose, locate
 from hil.gap.arrivals import find_clocks
+from hil.gap.evidence import weigh
+from hil.gap.fit import fit
 from hil.gap.friction import nested
-from hil.gap.leaves import Leaf
+from hil.gap.heldout import split
+from hil.gap.leaves import Leaf, find_leaves
 from hil.gap.nuisances import default_nuisances
 from hil.gap.problem import Problem
 from hil.gap.runs import as_runs
 from hil.gap.ticks import Ticks, acting
+from hil.gap.training import begin
 from hil.identify.replay import stretches
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
@@ -48,6 +54,31 @@ def test_what_answers_alike_keeps_its_chance():
     found = diagnose(record(effect("actuator_inertia", mass=60.0)), AXIS)
     chance = {x.effect: x.probability for x in found.causes}
     assert min(chance["actuator_inertia"], chance["payload_mass"]) > 0.08
+
+
+def test_each_place_has_a_share_of_its_effect():
+    c, none, leaves = calibrated_axis()
+    places = {x.effect: x.places for x in leaves}
+    assert places["payload_mass"] == 1
+    assert places["sensor_bias"] == 2  # position and force are recorded
+
+    def weighed(some):
+        f = fit(c, [some], dict.fromkeys(some.parameters, 0.001))
+        ranked, _ = weigh(c, [none, f, replace(f, leaves=(leaf("payload_mass", "platform"),))])
+        return {w.fit.leaves[0].effect: w.probability for w in ranked if w.fit.leaves}
+
+    bias = next(x for x in leaves if x.name == "axis.force.sensor_bias")
+    chance = weighed(bias)
+    assert chance["payload_mass"] / chance["sensor_bias"] == pytest.approx(2.0)
+
+
+def calibrated_axis():
+    """The axis' own record, calibrated, and what could be told from it."""
+    located = locate(record(), AXIS)
+    e = located.evidence
+    chosen = default_nuisances(AXIS, e.problem.signals)
+    c, none = begin(e, split(e.problem, e.noise, e.residual), chosen, {}, 0)
+    return c, none, find_leaves(c.problem, none.vector, none.residual)
 
 
 def test_laws_of_friction_at_one_place_hold_one_another_and_others_do_not():

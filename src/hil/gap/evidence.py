@@ -8,6 +8,7 @@ set what one sample is worth. Fits whose answers differ by less than the floor s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -103,6 +104,8 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
         for k in mine.tolist():
             if not nested(fits[head].leaves, fits[k].leaves) and not ends[k]:
                 worth_of[k] = max(worth_of[k], worth_of[head] - ODDS)
+    # Which effect it is comes first, all alike; each of its places has a share of that.
+    worth_of -= [sum(math.log(leaf.places) for leaf in f.leaves) for f in fits]
     worth_of = np.where(real, worth_of, -np.inf if real.any() else 0.0)
     p = np.exp(worth_of - worth_of.max())
     p /= p.sum()

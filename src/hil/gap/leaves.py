@@ -8,8 +8,9 @@ columns by which the former are moved. Starts span what rigs of this class show;
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -72,6 +73,8 @@ class Leaf:
     starts: tuple[Start, ...]
     actuator: str | None
     """The actuator it sits at, None for what the whole rig shares."""
+    places: int = 1
+    """Where its effect could sit on these data."""
 
     @property
     def name(self) -> str:
@@ -89,7 +92,7 @@ def find_leaves(
     """
     own = problem.own_leaves(without)
     if own is not None:
-        return own
+        return _placed(own)
     rig = problem.rig
     motion = problem.motion(vector)
     out: list[Leaf] = []
@@ -99,7 +102,12 @@ def find_leaves(
             if f"{a.name}.{quantity}" in problem.signals:
                 out += _sensor(f"{a.name}.{quantity}", problem, a.name)
     out += _platform(problem)
-    return [leaf for leaf in out if leaf.effect not in without]
+    return _placed([leaf for leaf in out if leaf.effect not in without])
+
+
+def _placed(leaves: Sequence[Leaf]) -> list[Leaf]:
+    count = Counter(leaf.effect for leaf in leaves)
+    return [replace(leaf, places=count[leaf.effect]) for leaf in leaves]
 
 
 def _actuator(
