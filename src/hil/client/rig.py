@@ -66,7 +66,8 @@ class RigClient:
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
             raise RigNotReached(
-                f"{self.rig}: no daemon at {self._endpoint or self._config}; is `hil run` up? "
+                f"{self.rig}: no daemon at {self._endpoint or self._config}; is `hil run` up, or "
+                f"`hil bicycle record` for a bicycle? "
                 f"({error})"
             ) from error
         try:

@@ -11,6 +11,7 @@ from hil.gap.fit import Calibrated, Fit, fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
 from hil.gap.friction import is_itself, may_join
+from hil.gap.heldout import touched
 from hil.gap.leaves import Leaf
 from hil.gap.search import LIMITS, Proposal, Search
 from hil.gap.shares import above_noise, explained, most_left
@@ -33,7 +34,9 @@ SWAPS: Final = 3
 TOGETHER: Final = 12
 """Best single candidates of which every two are looked at together in the linear picture."""
 ADDS: Final = 0.4
-"""Of what the others leave, the least that a further effect must explain: less is how laws differ."""
+OWN: Final = 0.7
+"""Of what the others leave, the least that a further effect must explain, of all or on the signals that it
+touches: less is how laws differ."""
 
 
 def joint_fits(
@@ -161,11 +164,17 @@ def _with_lost(
 
 
 def adds(c: Calibrated, fits: Sequence[Fit], joint: Fit, least: float = ADDS) -> bool:
-    """Whether each effect of a set explains more than a share `least` of what the others leave, as far as
-    those are among `fits`."""
+    """Whether each effect of a set explains more than a share `least` of what the others leave, or most of it
+    on the signals that it touches, as far as those are among `fits`."""
     names = {leaf.name for leaf in joint.leaves}
     parts = [f for f in fits if {leaf.name for leaf in f.leaves} < names]
-    return all(explained(c, f, joint) > least for f in parts)
+    return all(explained(c, f, joint) > least or _owns(c, f, joint) for f in parts)
+
+
+def _owns(c: Calibrated, f: Fit, joint: Fit) -> bool:
+    """Whether what a set adds to `f` explains most of what stands on the signals that it touches."""
+    signals = touched(c, f, joint)
+    return bool(signals) and explained(c, f, joint, signals=signals) > OWN
 
 
 def _proposed(

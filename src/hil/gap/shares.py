@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Final
 
 import numpy as np
@@ -96,8 +97,14 @@ def most_left(c: Calibrated, f: Fit) -> float:
     return max(largest_ratio(c, f), *(left[s] / floors[s] for s in left if floors[s] > 0.0))
 
 
-def explained(c: Calibrated, none: Fit, f: Fit, is_sure: bool = False) -> float:
-    """Share of the gap above the floor that a fit takes away on training samples, 0..1.
+def explained(
+    c: Calibrated,
+    none: Fit,
+    f: Fit,
+    is_sure: bool = False,
+    signals: Collection[str] | None = None,
+) -> float:
+    """Share of the gap above the floor that a fit takes away on training samples (of `signals`), 0..1.
 
     Of its energy, lone spikes cut as everywhere. A gap that stands in rare events is those spikes: there the
     share is that of the robust loss, in which each counts but none for all. `is_sure`: the fit is beyond
@@ -108,7 +115,8 @@ def explained(c: Calibrated, none: Fit, f: Fit, is_sure: bool = False) -> float:
     after = c.noise.weighted_rms(c.problem, f.residual)
     if is_sure:
         floors = {s: min(v, after[s]) for s, v in floors.items()}
-    ratios = [(before[s] / v, after[s] / v) for s, v in floors.items() if v > 0.0]
+    asked = floors if signals is None else signals
+    ratios = [(before[s] / floors[s], after[s] / floors[s]) for s in asked if floors[s] > 0.0]
     was = sum(max(b**2 - 1.0, 0.0) for b, _ in ratios)
     left = sum(max(a**2 - 1.0, 0.0) for b, a in ratios)
     share = float(np.clip((was - left) / max(was, FAINT), 0.0, 1.0))

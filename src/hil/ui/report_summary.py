@@ -37,7 +37,8 @@ def summary(shown: RunView) -> list[tuple[str, str]]:
 def _rig(run: Run) -> str:
     kind = f" ({run.rig.kind})" if run.rig else ""
     when = f", {run.meta.started:%Y-%m-%d %H:%M:%S} UTC" if run.meta.started else ""
-    return f"{run.meta.rig}{kind}, drives given {run.meta.mode}s{when}"
+    given = "ridden" if run.meta.mode == "ride" else f"drives given {run.meta.mode}s"
+    return f"{run.meta.rig}{kind}, {given}{when}"
 
 
 def _extent(run: Run) -> str:
