@@ -8,8 +8,8 @@ Written by somebody who had seen neither the diagnosis nor the exam's world, so 
 one can be held against the other. From `hil` comes the reader of rig files and nothing else: dynamics by
 Jacobians of points (`mechanism`), friction by LuGre, Maxwell-slip or tanh laws (`friction`), drives,
 transmissions and floor (`plant`), a healthy rig's small differences (`world`), motions, records with
-jitter and noise, effects of the catalogue (`catalogue`) and twelve faults that it has no name for
-(`outside`).
+jitter and noise, effects of the catalogue (`effects`, drawn by `recipes`) and twelve faults that it
+has no name for (`outside`).
 
 Of ten cases three are healthy, four have one effect, one has two, two a fault from outside; effects and
 faults come from shuffled decks. Severity (`severity`) is aimed at 1, 3 or 10 within what a rig could

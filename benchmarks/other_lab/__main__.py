@@ -1,6 +1,6 @@
 """Make sealed diagnosis cases in a world that is not the twin's.
 
-    python make.py OUT --rig axis --seed 1 --count 24
+    python -m benchmarks.other_lab OUT --rig axis --seed 1 --count 24
 
 writes OUT/cases/<id>/ (rig.toml, run*/run.toml, run*/signals.parquet) and OUT/answers/<id>/ (answer.json, and
 notes.json for who marks). The same rig, seed and index give the same case.

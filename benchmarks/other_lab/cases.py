@@ -11,9 +11,9 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from benchmarks.other_lab import record
-from benchmarks.other_lab.catalogue import RECIPES, Base, names_for
 from benchmarks.other_lab.motions import KINDS, motion
 from benchmarks.other_lab.outside import FAULTS
+from benchmarks.other_lab.recipes import RECIPES, Base, names_for
 from benchmarks.other_lab.severity import Yardstick
 from benchmarks.other_lab.world import World
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from benchmarks.other_lab import layout as lay
-from benchmarks.other_lab.catalogue import Recipe
 from benchmarks.other_lab.mechanism import AXIS, MOTORCYCLE, STEWART
 from benchmarks.other_lab.motions import FAST
+from benchmarks.other_lab.recipes import Recipe
 from benchmarks.other_lab.world import lead_of
 
 
