@@ -17,9 +17,11 @@ from hil.gap.diagnosis import Cause, Diagnosis, Verdict
 from hil.gap.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share
 from hil.gap.evidence import weigh
 from hil.gap.fit import Calibrated, Fit
+from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import Score
 from hil.gap.locate import RATIO
 from hil.gap.result import Located, SignalGap
+from hil.gap.rounding import EFFECT as ROUNDED
 from hil.gap.shares import jumps, largest_ratio
 
 Array = NDArray[np.float64]
@@ -91,7 +93,8 @@ def answer(
     part = shown.score(first, signals(c, none, first))
     whole = shown.score(first, c.problem.signals)
     unknown, varies = doubt(c, none, first, Told(share, gain, part), bank, worth)
-    if not is_large and varies is None and _is_faint(part):
+    is_plain = all(leaf.effect in (LOST, ROUNDED) for leaf in first.leaves)
+    if not (is_large or varies or is_plain) and _is_faint(part):
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(

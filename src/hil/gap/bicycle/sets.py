@@ -3,20 +3,16 @@
 An effect of a ride often shows in the few seconds in which one pulls away or brakes, so that neither what is
 usual nor a share of the whole tells whether another effect acts beside it: what a set leaves above noise and
 tolerances does, in nats. Sets on the way need only be better than what they grew from. Those that are handed
-on are whole: each of their effects explains most of what the others leave. Each effect of the catalogue is as
-likely as another, and each of its places: where two answer alike, that decides.
+on are whole: each of their effects explains most of what the others leave.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
-from hil.gap.candidates import SINGLES, promising
+from hil.gap.candidates import FIRST, SINGLES, promising
 from hil.gap.fit import Calibrated, Fit, fit
 from hil.gap.joint import adds
 from hil.gap.leaves import Leaf
@@ -33,6 +29,8 @@ PROMISE: Final = 0.15
 """Of what the others leave, the least that a further effect takes in the linear picture."""
 HEADS: Final = ((3, 2, 2), (2, 2))
 """Further effects tried beside each of the best singles, and of the best pairs."""
+BLIND: Final = 2
+"""Further effects that are fitted where the linear picture promises nothing: few wild seconds spoil it."""
 DISTANCE: Final = (
     "rear_wheel.wheel_radius", "rear_wheel.wheel_slip", "rear_wheel.sensor_scale"
 )  # fmt: skip
@@ -65,15 +63,13 @@ def fit_sets(
                     grown.append(joint)
     for f in _exchanged(c, alone, list(tried.values()), say):
         tried.setdefault(_key(f), f)
-    whole = [f for f in tried.values() if adds(c, list(tried.values()), f, ADDS)]
-    places = Counter(x.effect for x in leaves)
-    rare = [float(sum(np.log(places[x.effect]) for x in f.leaves)) for f in whole]
-    return [none, *(replace(f, extra_cost=cost) for f, cost in zip(whole, rare, strict=True))]
+    return [none, *(f for f in tried.values() if adds(c, list(tried.values()), f, ADDS))]
 
 
 def _singles(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
-    able = promising(search.alone())
-    some = able[:SINGLES]
+    ranked = search.alone()
+    able = promising(ranked)
+    some = able[:SINGLES] or ranked[:FIRST]
     if any(leaves[p.leaves[0]].name in DISTANCE for p in some):
         some += [p for p in able[SINGLES:] if leaves[p.leaves[0]].name in DISTANCE]
     out = []
@@ -115,7 +111,8 @@ def _further(c: Calibrated, head: Fit, search: Search, leaves: Sequence[Leaf]) -
     have = {x.name for x in head.leaves}
     rest = Search(replace(c, z=head.z), search.bank, head.white).alone()
     least = max(PROMISE * left, NATS)
-    return [p for p in rest if p.gain > least and leaves[p.leaves[0]].name not in have]
+    others = [p for p in rest if leaves[p.leaves[0]].name not in have]
+    return [p for p in others if p.gain > least] or others[:BLIND]
 
 
 def _key(f: Fit) -> frozenset[str]:
