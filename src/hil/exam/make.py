@@ -27,6 +27,7 @@ from hil.runs.folder import Payload
 
 KINDS: Final = ("none", "single", "double", "triple", "outside")
 SHARES: Final = {"none": 1.0 / 3.0, "single": 0.41, "double": 0.1, "triple": 0.02, "outside": 0.14}
+ONE_LAW: Final = ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "hysteresis")
 COUNTS: Final = {"none": 0, "double": 2, "triple": 3}
 ATTEMPTS: Final = 40
 WISHED: Final = 8
@@ -213,7 +214,7 @@ def _drawn(
             return tuple(effects), tuple(outside), found
         wish = wishes[len(found)] if wishes else ""
         recipe = _recipe(order, kind, wish, rig, signals, duration_s, rng)
-        if any(e.effect == recipe.effect for e in effects):
+        if any(e.effect == recipe.effect or _one_law(e, recipe) for e in effects):
             continue
         solved = solve_size(bench, recipe, severity, rng.uniform(1.0, 1.6))
         if solved is None:
@@ -223,6 +224,12 @@ def _drawn(
         outside += odd
         found.append(solved)
     raise WorldError(f"{rig.name}: no {kind} effect shows {severity:g} times the floor here")
+
+
+def _one_law(there: Effect, recipe: Recipe) -> bool:
+    """Whether two effects are forms of one friction at one place: together they are one of them, larger."""
+    same_place = there.location == recipe.location
+    return same_place and there.effect in ONE_LAW and recipe.effect in ONE_LAW
 
 
 def _recipe(

@@ -36,7 +36,7 @@ TOGETHER: Final = 12
 ADDS: Final = 0.4
 OWN: Final = 0.7
 """Of what the others leave, the least that a further effect must explain, of all or on the signals that it
-touches: less is how laws differ."""
+alone touches: less is how laws differ."""
 
 
 def joint_fits(
@@ -165,15 +165,16 @@ def _with_lost(
 
 def adds(c: Calibrated, fits: Sequence[Fit], joint: Fit, least: float = ADDS) -> bool:
     """Whether each effect of a set explains more than a share `least` of what the others leave, or most of it
-    on the signals that it touches, as far as those are among `fits`."""
+    on the signals that it alone touches, as far as those are among `fits`."""
     names = {leaf.name for leaf in joint.leaves}
     parts = [f for f in fits if {leaf.name for leaf in f.leaves} < names]
     return all(explained(c, f, joint) > least or _owns(c, f, joint) for f in parts)
 
 
 def _owns(c: Calibrated, f: Fit, joint: Fit) -> bool:
-    """Whether what a set adds to `f` explains most of what stands on the signals that it touches."""
-    signals = touched(c, f, joint)
+    """Whether what a set adds to `f` explains most of what stands on the signals that it alone touches."""
+    shared = touched(c, replace(f, residual=c.residual), f)
+    signals = [s for s in touched(c, f, joint) if s not in shared]
     return bool(signals) and explained(c, f, joint, signals=signals) > OWN
 
 

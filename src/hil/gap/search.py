@@ -28,8 +28,6 @@ RIDGE: Final = 1e-6
 FEW: Final = 2
 MANY: Final = 40
 """Starts of a leaf that are judged robustly: the best by squares, or nearly all."""
-NEARER: Final = (0.5, 0.2, 0.05)
-"""Shares of a proposal that are tried where all of it is worse than nothing."""
 FELT: Final = 1.0
 """Squared whitened size that a usual step of a parameter must have to be fitted."""
 
@@ -128,17 +126,8 @@ class Search:
                     found.append(Proposal(leaves, parts, gain, z))
         found.sort(key=lambda p: -p.gain)
         few = found[: MANY if self._is_finite(leaves) else FEW]
-        real = [self._judged(p) for p in few]
+        real = [replace(p, gain=self._worth(p)) for p in few]
         return max(real, key=lambda p: p.gain, default=None)
-
-    def _judged(self, p: Proposal) -> Proposal:
-        """A proposal with its robust worth; where wild samples have led it too far, that of a part of it."""
-        gain, finite = self._worth(p), self._is_finite(p.leaves)
-        for share in NEARER if gain <= 0.0 else ():
-            starts = p.starts if finite else tuple((s, share * a) for s, a in p.starts)
-            z = self._z + share * (p.z - self._z)
-            gain = max(gain, self._worth(replace(p, starts=starts, z=z)))
-        return replace(p, gain=gain)
 
     def _is_finite(self, leaves: tuple[int, ...]) -> bool:
         """Whether a leaf alone is one that squares misjudge: its starts themselves are worth a look."""
