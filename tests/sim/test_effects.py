@@ -31,6 +31,7 @@ ON_ACTUATOR = {
     "viscous_friction": ({"coefficient": 300.0}, "force"),
     "stribeck_friction": ({"coulomb": 10.0, "static": 40.0, "velocity": 0.02}, "force"),
     "asymmetric_friction": ({"positive": 30.0, "negative": 5.0}, "force"),
+    "asymmetric_viscous_friction": ({"positive": 300.0, "negative": -30.0}, "force"),
     "backlash": ({"gap": 5e-4}, "pose"),
     "hysteresis": ({"force": 40.0, "displacement": 2e-3}, "force"),
     "compliance": ({"stiffness": 4e5, "damping": 200.0}, "force"),

@@ -2,7 +2,8 @@
 
 What `hil gap apply` writes as an effect is friction that the rig has, so whoever feeds friction forward
 counts it in. Of the Stribeck effect only the Coulomb part: what it adds near standstill would hammer
-there. Hysteresis and friction that grows with load hang on more than the speed and are left out.
+there; of viscous friction that differs between directions the mean. Hysteresis and friction that grows with
+load hang on more than the speed and are left out.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ def known_friction(rig: RigFile) -> KnownFriction:
     own += [np.array([a.coulomb for a in rig.actuators]) for _ in range(2)]
     keys: dict[str, dict[str, tuple[int, ...]]] = {
         "viscous_friction": {"coefficient": (0,)},
+        "asymmetric_viscous_friction": {"positive": (0,), "negative": (0,)},
         "coulomb_friction": {"force": (1, 2)},
         "stribeck_friction": {"coulomb": (1, 2)},
         "asymmetric_friction": {"positive": (1,), "negative": (2,)},
@@ -49,7 +51,8 @@ def known_friction(rig: RigFile) -> KnownFriction:
         i = rig.actuator_names.index(line.location)
         for parameter, rows in keys.get(line.effect, {}).items():
             for row in rows:
-                own[row][i] += line.parameters.get(parameter, 0.0)
+                share = 0.5 if line.effect == "asymmetric_viscous_friction" else 1.0
+                own[row][i] += share * line.parameters.get(parameter, 0.0)
     return KnownFriction(*(np.maximum(values, 0.0) for values in own))
 
 

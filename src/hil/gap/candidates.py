@@ -12,7 +12,7 @@ from hil.gap.clear import EXPLAINED
 from hil.gap.fit import Calibrated, Fit, fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
-from hil.gap.friction import FRICTION, PEAKED, PLAIN, is_itself, peaked
+from hil.gap.friction import DIRECTED, FRICTION, PEAKED, PLAIN, directed, is_itself, peaked
 from hil.gap.joint import LEFT, joint_fits
 from hil.gap.leaves import Leaf
 from hil.gap.search import Proposal, Search
@@ -29,6 +29,8 @@ WORTH: Final = 0.25
 """Of the best linear gain, below which none but the FIRST candidates are fitted: a gain may be illusory."""
 CHANCE: Final = 3.0
 """Of the linear gain, no candidate is worth a fit below."""
+NEARLY: Final = 0.9
+"""Of what the best explains, that friction must to be looked at once more for either direction."""
 WELL: Final = 0.96
 """Share explained from which on lost frames are not looked for."""
 
@@ -45,7 +47,8 @@ def fit_candidates(
     fits = [none, *_single_fits(c, none, search, leaves, without, say)]
     fits = [f for f in fits if is_itself(f)]
     fits += joint_fits(c, fits, search, leaves, without, say)
-    return fits + _peaked_fits(c, fits, leaves, say)
+    fits += _peaked_fits(c, fits, leaves, say)
+    return fits if DIRECTED in without else fits + _directed_fits(c, fits, say)
 
 
 def _single_fits(
@@ -105,6 +108,21 @@ def _worth_a_fit(proposals: Sequence[Proposal], leaves: Sequence[Leaf]) -> list[
         and p.gain >= CHANCE
     ]  # fmt: skip
     return out + plain
+
+
+def _directed_fits(c: Calibrated, fits: Sequence[Fit], say: Report) -> list[Fit]:
+    """Viscous friction of either direction for other friction, where that is among the best and leaves
+    something."""
+    ranked = sorted(fits[1:], key=lambda f: f.cost(c.train) + f.prior_cost)
+    if not ranked or most_left(c, ranked[0]) < LEFT:
+        return []
+    well = explained(c, fits[0], ranked[0])
+    for f in ranked:
+        rubs = sorted({x.location for x in f.leaves if x.effect in FRICTION})
+        if rubs and explained(c, fits[0], f) > NEARLY * well:
+            say(f"fitting {rubs[0]}.{DIRECTED} in place of other friction")
+            return directed(c, f, rubs[0])
+    return []
 
 
 def _peaked_fits(

@@ -15,9 +15,19 @@ from hil.gap.starts import relative
 
 PLAIN: Final = frozenset({"coulomb_friction", "viscous_friction"})
 PEAKED: Final = "stribeck_friction"
-FRICTION: Final = PLAIN | {PEAKED, "asymmetric_friction", "load_friction", "hysteresis"}
+DIRECTED: Final = "asymmetric_viscous_friction"
+FRICTION: Final = PLAIN | {PEAKED, DIRECTED, "asymmetric_friction", "load_friction", "hysteresis"}
 BESIDE: Final = frozenset({"viscous_friction", "load_friction"})
 """They may act beside another law, for they go with speed and load; the others are each other's forms."""
+FIRST: Final = 0.1
+"""Of its usual size, by which viscous friction differs between directions where a fit of that begins."""
+OTHERWISE: Final = 0.25
+"""Of its mean, by which viscous friction of two directions must differ to be no plain one of another law."""
+OF_SPEED: Final = (
+    "viscous_friction.coefficient",
+    f"{DIRECTED}.positive",
+    f"{DIRECTED}.negative",
+)
 PEAKS: Final = (1.6, 3.0)
 """Times the plain friction, that friction at rest may have where a peak is looked for."""
 
@@ -57,6 +67,33 @@ def is_itself(f: Fit) -> bool:
         for leaf in f.leaves
         if leaf.effect == PEAKED
     )
+
+
+def directed(c: Calibrated, base: Fit, location: str) -> list[Fit]:
+    """`base`, in which friction acts at `location`, with viscous friction of either direction in its place,
+    and that alone; none where both directions are nearly alike, or the twin cannot stand with it."""
+    gone = [x for x in base.leaves if x.location == location and x.effect in FRICTION]
+    others = [x for x in base.leaves if x not in gone]
+    names = tuple(f"{location}.{DIRECTED}.{p}" for p in ("positive", "negative"))
+    leaf = Leaf(DIRECTED, location, names, (), location, gone[0].places)
+    found = relative(c, base)
+    same = found.get(f"{location}.viscous_friction.coefficient", 0.0)
+    step = FIRST * c.problem.table[names[0]].scale
+    sides = {names[0]: same + step, names[1]: same - step}
+    kept = {n: v for n, v in found.items() if any(n in x.parameters for x in others)}
+    tried = [fit(c, [*others, leaf], kept | sides, base.z)]
+    if others:
+        tried.append(fit(c, [leaf], sides, base.z))
+    return [f for f in tried if f is not None and _differs(c, f, location)]
+
+
+def _differs(c: Calibrated, f: Fit, location: str) -> bool:
+    """Whether viscous friction is another one in either direction, the rig's own with it."""
+    own = next(a.viscous for a in c.problem.rig.actuators if a.name == location)
+    index = [c.problem.table.index(f"{location}.{x}") for x in OF_SPEED]
+    viscous, ahead, back = (float(f.vector[i]) for i in index)
+    mean = own + viscous + 0.5 * (ahead + back)
+    return abs(ahead - back) > OTHERWISE * mean
 
 
 def peaked(c: Calibrated, base: Fit, leaf: Leaf) -> Fit | None:

@@ -27,6 +27,7 @@ from hil.gap.problem import Problem
 from hil.gap.repeats import Repeats
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 DRAWS: Final = 6
 SHIFT_S: Final = 1e-4
@@ -345,11 +346,14 @@ def _mean_square(values: Array, share: float) -> float:
 def _by_repeats(
     problem: Problem, drawn: Array, repeats: Sequence[Repeats], residual: Array
 ) -> tuple[Array, Mapping[str, float]]:
-    """Draws scaled signal by signal to what repeats differ by."""
+    """Draws scaled signal by signal to what repeats differ by, where the twin says the same of them: what is
+    shaken into one of them is no noise."""
     out = np.array(drawn)
     factors = {}
+    predicted = problem.measured - residual
+    spread = np.sqrt(np.mean(drawn**2, axis=0))
     for signal in problem.signals:
-        pairs = [r.pairs[signal] for r in repeats if signal in r.pairs]
+        pairs = [_alike(*r.pairs[signal], predicted, spread) for r in repeats if signal in r.pairs]
         if sum(len(first) for first, _ in pairs) < 50:
             continue
         measured = np.concatenate([residual[first] - residual[second] for first, second in pairs])
@@ -359,6 +363,12 @@ def _by_repeats(
             if x.signal == signal:
                 out[:, x.part] *= factors[signal]
     return out, factors
+
+
+def _alike(first: Index, second: Index, predicted: Array, spread: Array) -> tuple[Index, Index]:
+    """Those of paired samples that are predicted alike, within the noise of one."""
+    same = np.abs(predicted[first] - predicted[second]) < spread[first]
+    return first[same], second[same]
 
 
 def projected(model: NoiseModel, problem: Problem, jacobian: Array, prior_sd: Array) -> NoiseModel:

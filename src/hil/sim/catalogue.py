@@ -55,17 +55,22 @@ def _coulomb(parameter: str) -> Spec:
     return Spec(parameter, "N", 0.0, _own_friction, _force(0.5), _force(0.01))
 
 
+def _viscous(parameter: str) -> Spec:
+    return Spec(
+        parameter, "N·s/m", 0.0, lambda a: -a.viscous, 1e5, lambda a: 0.5 * a.viscous + 20.0
+    )
+
+
 ACTUATOR: Effects = {
     "coulomb_friction": (_coulomb("force"),),
-    "viscous_friction": (
-        Spec("coefficient", "N·s/m", 0.0, lambda a: -a.viscous, 1e5, lambda a: 0.5 * a.viscous + 20.0),
-    ),
+    "viscous_friction": (_viscous("coefficient"),),
     "stribeck_friction": (
         _coulomb("coulomb"),
         _coulomb("static"),
         Spec("velocity", "m/s", 0.01, 1e-4, 0.5, 0.01),
     ),
     "asymmetric_friction": (_coulomb("positive"), _coulomb("negative")),
+    "asymmetric_viscous_friction": (_viscous("positive"), _viscous("negative")),
     "load_friction": (
         Spec("coefficient", "1", 0.0, 0.0, 0.8, 0.03),
         Spec("asymmetry", "1", 0.0, -1.0, 1.0, 0.3),

@@ -31,6 +31,8 @@ P_STRIBECK_S = _a("stribeck_friction", "static")
 P_STRIBECK_V = _a("stribeck_friction", "velocity")
 P_ASYM_POS = _a("asymmetric_friction", "positive")
 P_ASYM_NEG = _a("asymmetric_friction", "negative")
+P_ASYM_VISCOUS_POS = _a("asymmetric_viscous_friction", "positive")
+P_ASYM_VISCOUS_NEG = _a("asymmetric_viscous_friction", "negative")
 P_LOAD = _a("load_friction", "coefficient")
 P_LOAD_ASYM = _a("load_friction", "asymmetry")
 P_GAP = _a("backlash", "gap")
@@ -94,10 +96,12 @@ the IMU's answers s, delay of the drives' answers s, whether arrivals act betwee
     A_BRAKE, A_FF_VISCOUS, A_FF_COULOMB, A_STRIBECK_C, A_STRIBECK_D, A_STRIBECK_V, A_LOAD, A_LOAD_ASYM,
     A_GAP, A_HYST_F, A_HYST_X, A_STIFFNESS, A_DAMPING, A_RIPPLE_A, A_RIPPLE_P, A_RIPPLE_PHASE,
     A_FORCE_SCALE, A_DELAY, A_OFFSET, A_LEAD, A_LEAD_A, A_LEAD_P, A_LEAD_PHASE, A_HARDENING,
-) = range(44)  # fmt: skip
-A_ROWS = 44
+    A_VISCOUS_SKEW,
+) = range(45)  # fmt: skip
+A_ROWS = 45
 """Rows of the actuators' constants, SI at the output; A_STRIBECK_D is static minus Coulomb friction,
-A_HARDENING how much a transmission stiffens with the square of its wind-up, 1/m²."""
+A_HARDENING how much a transmission stiffens with the square of its wind-up, 1/m²; A_VISCOUS_SKEW what viscous
+friction is more in the positive direction than its mean."""
 
 BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
 """Lengths; IMU: position (3), rotation sensor → platform (9), bandwidth Hz."""

@@ -57,10 +57,10 @@ def _resist(act, st, w, i, h, force, rho):  # type: ignore[no-untyped-def]
     if act[lay.A_RIPPLE_A, i] != 0.0:
         turn = 2.0 * math.pi * (x - act[lay.A_HOME, i]) / act[lay.A_RIPPLE_P, i]
         f0 += act[lay.A_RIPPLE_A, i] * math.sin(turn + act[lay.A_RIPPLE_PHASE, i])
-    c = 0.5 * act[lay.A_VISCOUS, i]
+    way = 0.0 if v == 0.0 else math.copysign(1.0, v)
+    c = 0.5 * (act[lay.A_VISCOUS, i] + way * act[lay.A_VISCOUS_SKEW, i])
     if act[lay.A_HYST_F, i] != 0.0:
         z = st[lay.S_HYST, i]
-        way = 0.0 if v == 0.0 else math.copysign(1.0, v)
         c += 0.25 * h * act[lay.A_HYST_F, i] / act[lay.A_HYST_X, i] * (1.0 - z * way)
         f0 -= act[lay.A_HYST_F, i] * z
     w[W_C, i] = c

@@ -169,7 +169,11 @@ def apply_parameters(base, p, out):  # type: ignore[no-untyped-def]
         x = p[i * lay.ACTUATOR_BLOCK : i * lay.ACTUATOR_BLOCK + lay.ACTUATOR_SIZE]
         act[lay.A_COULOMB_POS, i] += x[lay.P_COULOMB] + x[lay.P_ASYM_POS]
         act[lay.A_COULOMB_NEG, i] += x[lay.P_COULOMB] + x[lay.P_ASYM_NEG]
-        act[lay.A_VISCOUS, i] = max(act[lay.A_VISCOUS, i] + x[lay.P_VISCOUS], 0.0)
+        viscous = act[lay.A_VISCOUS, i] + x[lay.P_VISCOUS]
+        ahead = max(viscous + x[lay.P_ASYM_VISCOUS_POS], 0.0)
+        back = max(viscous + x[lay.P_ASYM_VISCOUS_NEG], 0.0)
+        act[lay.A_VISCOUS, i] = 0.5 * (ahead + back)
+        act[lay.A_VISCOUS_SKEW, i] = 0.5 * (ahead - back)
         act[lay.A_STRIBECK_C, i] = x[lay.P_STRIBECK_C]
         act[lay.A_STRIBECK_D, i] = x[lay.P_STRIBECK_S] - x[lay.P_STRIBECK_C]
         act[lay.A_STRIBECK_V, i] = x[lay.P_STRIBECK_V]

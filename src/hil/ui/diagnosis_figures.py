@@ -25,6 +25,7 @@ LEAST: Final = 6
 """Samples of a slice that has a median."""
 SPEAKING: Final = {
     *("coulomb_friction", "viscous_friction", "stribeck_friction", "asymmetric_friction"),
+    *("asymmetric_viscous_friction",),
     *("load_friction", "backlash", "hysteresis", "force_ripple", "lead_error", "force_constant"),
 }
 """Effects that are seen over velocity or position."""
