@@ -128,7 +128,7 @@ def test_with_the_published_friction_a_part_of_what_is_left_stands_at_reversals(
 
 
 def test_what_was_named_brings_the_force_to_the_published_error(records) -> None:
-    """With the authors' filter, two viscous terms, no offset: 3.1 and 5.4 % by eq. (11), 4.1 and 6.0 before."""
+    """Two viscous terms and no offset, by the authors' filter: 3.1 and 5.4 %; 4.1 and 6.0 % before them."""
     tables = {}
     for run in records:
         whole = load_run(run.path, load_rig("emps"))
