@@ -128,12 +128,13 @@ def test_effects_of_friction_are_known_to_the_feed_forward():
                 effect("coulomb_friction", force=30.0),
                 effect("asymmetric_friction", positive=5.0, negative=-100.0),
                 effect("viscous_friction", coefficient=40.0),
+                effect("asymmetric_viscous_friction", positive=30.0, negative=-10.0),
                 effect("backlash", gap=1e-4),
             )
         }
     )
     known = known_friction(rig)
-    assert (known.viscous, known.positive, known.negative) == (160.0, 55.0, 0.0)
+    assert (known.viscous, known.positive, known.negative) == (170.0, 55.0, 0.0)
 
 
 def test_a_drive_with_friction_pre_control_feeds_the_files_friction_forward():

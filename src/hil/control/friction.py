@@ -22,6 +22,16 @@ SMOOTH_M_S: Final = 0.003
 """Coulomb friction rises over this speed: compensation must not hammer at standstill."""
 
 
+OF_EFFECTS: Final[dict[str, dict[str, tuple[float, float, float]]]] = {
+    "viscous_friction": {"coefficient": (1.0, 0.0, 0.0)},
+    "asymmetric_viscous_friction": {"positive": (0.5, 0.0, 0.0), "negative": (0.5, 0.0, 0.0)},
+    "coulomb_friction": {"force": (0.0, 1.0, 1.0)},
+    "stribeck_friction": {"coulomb": (0.0, 1.0, 1.0)},
+    "asymmetric_friction": {"positive": (0.0, 1.0, 0.0), "negative": (0.0, 0.0, 1.0)},
+}
+"""By effect and parameter, its share of viscous friction, and of Coulomb friction forwards and backwards."""
+
+
 @dataclass(frozen=True, slots=True)
 class KnownFriction:
     """Friction of n actuators, never below zero: N·s/m and N (rotary: N·m·s/rad and N·m)."""
@@ -36,24 +46,13 @@ class KnownFriction:
 
 def known_friction(rig: RigFile) -> KnownFriction:
     """The rig file's own friction with that of its effects."""
-    own = [np.array([a.viscous for a in rig.actuators])]
-    own += [np.array([a.coulomb for a in rig.actuators]) for _ in range(2)]
-    keys: dict[str, dict[str, tuple[int, ...]]] = {
-        "viscous_friction": {"coefficient": (0,)},
-        "asymmetric_viscous_friction": {"positive": (0,), "negative": (0,)},
-        "coulomb_friction": {"force": (1, 2)},
-        "stribeck_friction": {"coulomb": (1, 2)},
-        "asymmetric_friction": {"positive": (1,), "negative": (2,)},
-    }
+    own = np.array([[a.viscous, a.coulomb, a.coulomb] for a in rig.actuators]).T
     for line in rig.effects:
-        if line.location not in rig.actuator_names:
-            continue
-        i = rig.actuator_names.index(line.location)
-        for parameter, rows in keys.get(line.effect, {}).items():
-            for row in rows:
-                share = 0.5 if line.effect == "asymmetric_viscous_friction" else 1.0
-                own[row][i] += share * line.parameters.get(parameter, 0.0)
-    return KnownFriction(*(np.maximum(values, 0.0) for values in own))
+        if line.location in rig.actuator_names:
+            i = rig.actuator_names.index(line.location)
+            for parameter, shares in OF_EFFECTS.get(line.effect, {}).items():
+                own[:, i] += line.parameters.get(parameter, 0.0) * np.array(shares)
+    return KnownFriction(*np.maximum(own, 0.0))
 
 
 class Friction:
