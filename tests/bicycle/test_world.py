@@ -10,6 +10,7 @@ from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import RunError
 from hil.rigs.bicycle import Whipple
+from hil.rigs.bicycle.forward import _row_at
 from hil.runs import load_run
 
 
@@ -105,3 +106,11 @@ def test_a_saved_ride_is_a_run_of_its_bicycle_without_its_secrets(weaving, tmp_p
     assert list(run.table.columns) == list(weaving.table.columns)
     with pytest.raises(RunError, match="exists already"):
         save(weaving, folder)
+
+
+@pytest.mark.parametrize(
+    ("place", "row"), [(3.7, 3), (-2.0, 0), (1e300, 9), (np.inf, 9), (-np.inf, 0), (np.nan, 0)]
+)
+def test_a_rider_looks_at_his_plan_and_nowhere_else(place: float, row: int) -> None:
+    """A ride that goes wild has places that are no numbers, and compiled code checks no index."""
+    assert _row_at(place, np.zeros((10, 4))) == row

@@ -166,7 +166,7 @@ def ride_on(bicycle, laws, load, plan, speeds, gains, pushed, slip, dt, out):  #
         rider_torques(p, extra, q, qd, plan, dt, state, gains, speeds[t], torque)
         torque[0] += pushed[t]
         ok, bend = accelerate(mem, ws, bicycle, laws, load, torque, q, qd, back, qdd)
-        if not ok or abs(q[3]) > 1.2:
+        if not ok or not abs(q[3]) <= 1.2:  # nor where it is no number any more
             return t
         for i in range(12):
             q_out[t, i], qd_out[t, i] = q[i], qd[i]

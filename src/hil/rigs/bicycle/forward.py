@@ -136,6 +136,14 @@ def accelerate(mem, ws, bicycle, world, torque, q, qd, alpha, qdd):  # type: ign
 
 
 @inner
+def _row_at(place, plan):  # type: ignore[no-untyped-def]
+    """The row of `plan` at a place counted in rows: within it, whatever the place, even no number."""
+    if not place > 0.0:
+        return 0
+    return int(min(place, plan.shape[0] - 1.0))
+
+
+@inner
 def rider_torques(p, extra, q, qd, plan, dt, state, gains, asked_speed, out):  # type: ignore[no-untyped-def]
     """Lean (foot), drive and steer torque into `out`. `plan` rows: x, y, heading, curvature by distance.
 
@@ -144,9 +152,9 @@ def rider_torques(p, extra, q, qd, plan, dt, state, gains, asked_speed, out):  #
     (kg m), preview of curvature (s). `asked_speed`: reference speed and acceleration.
     """
     speed = qd[0] * math.cos(q[2]) + qd[1] * math.sin(q[2])
-    k = min(int(state[0] / gains[0]), plan.shape[0] - 1)
+    k = _row_at(state[0] / gains[0], plan)
     px, py, heading, curvature = plan[k, 0], plan[k, 1], plan[k, 2], plan[k, 3]
-    seen = min(int((state[0] + gains[7] * speed) / gains[0]), plan.shape[0] - 1)
+    seen = _row_at((state[0] + gains[7] * speed) / gains[0], plan)
     aside = -math.sin(heading) * (q[0] - px) + math.cos(heading) * (q[1] - py)
     turned = q[2] - heading
     asked = plan[seen, 3] - gains[1] * aside - gains[2] * math.sin(turned)
@@ -195,7 +203,7 @@ def simulate_forward(bicycle, world, plan, speeds, gains, dt, out):  # type: ign
         da[0], da[1], alpha_s[0], alpha_s[1] = 0.0, 0.0, alpha[0], alpha[1]
         for stage in range(4):
             ok, bend = accelerate(mem, ws, bicycle, world, torque, qs, vs, alpha_s, qdd)
-            if not ok or abs(qs[3]) > 1.2:
+            if not ok or not abs(qs[3]) <= 1.2:  # nor where it is no number any more
                 return t
             if stage == 0:
                 for i in range(12):
