@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from hil.gap import diagnose
+from hil.gap.verdict import _is_crystals
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
 
@@ -74,3 +77,15 @@ def test_a_fast_ripple_is_no_noise():
     found = diagnose(record(effect("force_ripple", amplitude=60.0, period=0.005, phase=1.0)), AXIS)
     assert [x.effect for x in found.effects] == ["force_ripple"]
     assert found.tables()["gap"]["shrink"] > 0.8
+
+
+@pytest.mark.parametrize(
+    ("names", "rates", "same"),
+    [
+        (("drives.clock_drift.rate",), (-9e-6,), True),
+        (("drives.clock_drift.rate",), (6e-5,), False),
+        (("drives.clock_drift.rate", "axis.coulomb_friction.force"), (9e-6, 40.0), False),
+    ],
+)
+def test_clocks_that_differ_as_any_two_do_are_no_finding(names, rates, same: bool):
+    assert _is_crystals(SimpleNamespace(names=names, values=np.array(rates))) is same

@@ -30,6 +30,9 @@ SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
 """Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
+RATE: Final = ".clock_drift.rate"
+CRYSTALS: Final = 2e-5
+"""s/s: what the clocks of healthy drives and hosts differ by [R]."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
@@ -85,6 +88,8 @@ def answer(
         found = _nothing_like_it(located, held_out) if is_large else _small(located, held_out)
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
+    if _is_crystals(first):
+        return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
     share = explained_share(c, none, first, gain)
     if by_share(share, gain) > 0.5 and not is_large:
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
@@ -94,7 +99,8 @@ def answer(
     whole = shown.score(first, c.problem.signals)
     unknown, varies = doubt(c, none, first, Told(share, gain, part), bank, worth)
     is_plain = all(leaf.effect in (LOST, ROUNDED) for leaf in first.leaves)
-    if not (is_large or varies or is_plain) and _is_faint(part):
+    is_seen = varies is not None and part.before > RATIO
+    if not (is_large or is_seen or is_plain) and _is_faint(part):
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(
@@ -111,6 +117,12 @@ def answer(
 def stands(located: Located, c: Calibrated, none: Fit) -> bool:
     """Whether a signal is a gap by itself, before anything is known of what makes it."""
     return largest_ratio(c, none) > LARGE or max(map(_surely, located.signals)) > RATIO
+
+
+def _is_crystals(f: Fit) -> bool:
+    """Whether all that a fit says is that two clocks differ as any two do."""
+    rates = [abs(v) for n, v in zip(f.names, f.values.tolist(), strict=True) if n.endswith(RATE)]
+    return len(rates) == len(f.names) and max(rates, default=0.0) < CRYSTALS
 
 
 def _is_faint(unseen: Score) -> bool:
