@@ -89,7 +89,9 @@ def answer(
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
     if _is_crystals(first):
-        return replace(no_gap(located, held_out), not_excited=not_excited(c, bank))
+        sentence = "No gap but that clocks differ by less than 20 ppm, as any two do."
+        found = replace(no_gap(located, held_out), sentence=sentence)
+        return replace(found, not_excited=not_excited(c, bank))
     share = explained_share(c, none, first, gain)
     if by_share(share, gain) > 0.5 and not is_large:
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
@@ -127,8 +129,8 @@ def _is_crystals(f: Fit) -> bool:
 
 def _is_faint(unseen: Score) -> bool:
     """Whether unseen data hardly show a gap, and do not bear out what explains the seen one."""
-    stands = unseen.before > STANDS * unseen.floor
-    return not stands and unseen.shrink is not None and unseen.shrink < HOLDS
+    is_seen = unseen.before > STANDS * unseen.floor
+    return not is_seen and unseen.shrink is not None and unseen.shrink < HOLDS
 
 
 def _surely(s: SignalGap) -> float:
