@@ -135,3 +135,11 @@ def test_a_force_that_changes_once_and_never_again_is_a_stuck_sensor(healthy):
     dead.loc[dead["t"] < 1.5, "axis.force"] *= 0.0
     with pytest.raises(IdentificationError, match=r"axis\.force.*stuck"):
         diagnose(dead, AXIS)
+
+
+def test_viscous_friction_of_either_direction_is_found_where_it_alone_is_asked_for():
+    worn = record(effect("asymmetric_viscous_friction", positive=260.0, negative=20.0))
+    found = diagnose(worn, AXIS, without=all_but(AXIS, "asymmetric_viscous_friction"))
+    (cause,) = found.effects
+    assert cause.effect == "asymmetric_viscous_friction"
+    assert cause.parameters["positive"].value == pytest.approx(260.0, rel=0.15)

@@ -48,7 +48,7 @@ def fit_candidates(
     fits = [f for f in fits if is_itself(f)]
     fits += joint_fits(c, fits, search, leaves, without, say)
     fits += _peaked_fits(c, fits, leaves, say)
-    return fits if DIRECTED in without else fits + _directed_fits(c, fits, say)
+    return fits if DIRECTED in without else fits + _directed_fits(c, fits, without, say)
 
 
 def _single_fits(
@@ -110,9 +110,13 @@ def _worth_a_fit(proposals: Sequence[Proposal], leaves: Sequence[Leaf]) -> list[
     return out + plain
 
 
-def _directed_fits(c: Calibrated, fits: Sequence[Fit], say: Report) -> list[Fit]:
+def _directed_fits(
+    c: Calibrated, fits: Sequence[Fit], without: Collection[str], say: Report
+) -> list[Fit]:
     """Viscous friction of either direction for other friction, where that is among the best and leaves
-    something."""
+    something; by itself where no other friction may be named."""
+    if set(without) >= FRICTION - {DIRECTED}:
+        return [f for a in c.problem.rig.actuators for f in directed(c, fits[0], a.name)]
     ranked = sorted(fits[1:], key=lambda f: f.cost(c.train) + f.prior_cost)
     if not ranked or most_left(c, ranked[0]) < LEFT:
         return []

@@ -196,6 +196,14 @@ def spread_of(c: Calibrated, white: Array) -> float:
     return max(1.0, 1.4826 * float(np.median(np.abs(white[c.train]))))
 
 
+def replay_cost(c: Calibrated, answer: Array, spread: float = 1.0) -> float:
+    """Robust loss, `spread` wide, that a replay's answer (N,) leaves; infinite if the twin cannot stand."""
+    if not np.all(np.isfinite(answer)):
+        return np.inf
+    white = c.noise.whiten(c.problem, c.problem.measured - answer)[c.train]
+    return float(np.sum(loss(white / spread)))
+
+
 def _begin(
     c: Calibrated, start: Mapping[str, float], held: Sequence[int], z: Array
 ) -> tuple[Array, Array, Array]:

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.gap.fit import Calibrated, Fit, fit, loss
+from hil.gap.fit import Calibrated, Fit, fit, replay_cost
 from hil.gap.leaves import STRIBECK_M_S, Leaf
 from hil.gap.starts import relative
 
@@ -75,7 +75,7 @@ def directed(c: Calibrated, base: Fit, location: str) -> list[Fit]:
     gone = [x for x in base.leaves if x.location == location and x.effect in FRICTION]
     others = [x for x in base.leaves if x not in gone]
     names = tuple(f"{location}.{DIRECTED}.{p}" for p in ("positive", "negative"))
-    leaf = Leaf(DIRECTED, location, names, (), location, gone[0].places)
+    leaf = Leaf(DIRECTED, location, names, (), location, len(c.problem.rig.actuators))
     found = relative(c, base)
     same = found.get(f"{location}.viscous_friction.coefficient", 0.0)
     step = FIRST * c.problem.table[names[0]].scale
@@ -114,12 +114,7 @@ def peaked(c: Calibrated, base: Fit, leaf: Leaf) -> Fit | None:
     rows[:, own] = c.vector[own]
     for row, (peak, speed) in zip(rows, options, strict=True):
         row[index] = (added, peak * added, speed)
-    costs = [
-        float(np.sum(loss(c.noise.whiten(c.problem, c.problem.measured - a)[c.train])))
-        if np.all(np.isfinite(a))
-        else np.inf
-        for a in c.problem.answers(rows)
-    ]
+    costs = [replay_cost(c, a) for a in c.problem.answers(rows)]
     best = int(np.argmin(costs))
     if not costs[best] < base.cost(c.train):
         return None

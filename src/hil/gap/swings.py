@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.about import is_swinging
-from hil.gap.fit import Calibrated, Fit, loss, spread_of
+from hil.gap.fit import Calibrated, Fit, replay_cost, spread_of
 from hil.gap.leaves import Leaf, spring
 
 Array = NDArray[np.float64]
@@ -49,15 +49,8 @@ def swing(c: Calibrated, none: Fit, leaf: Leaf) -> dict[str, float]:
     rows = np.tile(none.vector, (len(some), 1))
     rows[:, index] = some
     spread = spread_of(c, none.white)
-    costs = [_cost(c, problem.measured - answer, spread) for answer in problem.answers(rows)]
+    costs = [replay_cost(c, answer, spread) for answer in problem.answers(rows)]
     best = int(np.argmin(costs))
-    if costs[best] >= _cost(c, none.residual, spread):
+    if costs[best] >= replay_cost(c, problem.measured - none.residual, spread):
         return {}
     return dict(zip(leaf.parameters, some[best], strict=True))
-
-
-def _cost(c: Calibrated, residual: Array, spread: float) -> float:
-    if not np.all(np.isfinite(residual)):
-        return np.inf
-    white = c.noise.whiten(c.problem, residual)[c.train]
-    return float(np.sum(loss(white / spread)))
