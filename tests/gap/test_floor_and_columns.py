@@ -1,13 +1,15 @@
 """What a healthy reference says of a run's noise, and which signals show what an effect does."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from hil.configfile import load_rig
 from hil.gap.bank import fill_bank
 from hil.gap.draws import sensor_sigma
 from hil.gap.leaves import find_leaves
-from hil.gap.noise import HEALTHY, Level, _factor, find_noise
+from hil.gap.locate import locate
+from hil.gap.noise import HEALTHY, RARE, Level, _factor, _level, find_noise
 from hil.gap.problem import Problem
 from hil.gap.runs import as_runs
 from hil.identify.replay import Stretch, stretches
@@ -30,7 +32,7 @@ def noisy():
 def levels(problem, residual, healthy):
     rng = np.random.default_rng(2)
     found = find_noise(problem, problem.base, rng, residual=residual, healthy=healthy, count=2)
-    return {signal: x.factor for signal, x in found.levels.items()}
+    return {signal: x.sensed for signal, x in found.levels.items()}
 
 
 def test_without_a_reference_the_fastest_part_of_a_residual_is_noise(noisy):
@@ -38,12 +40,12 @@ def test_without_a_reference_the_fastest_part_of_a_residual_is_noise(noisy):
 
 
 def test_a_run_is_little_louder_than_its_healthy_reference(noisy):
-    lively = dict.fromkeys(noisy[0].signals, Level(1.1, 100.0))
+    lively = dict.fromkeys(noisy[0].signals, Level(1.1, 1.1, 100.0))
     assert levels(*noisy, lively)["axis.position"] == pytest.approx(1.1 * HEALTHY)
 
 
 def test_a_reference_that_hardly_moved_tells_nothing_of_a_lively_run(noisy):
-    calm = dict.fromkeys(noisy[0].signals, Level(1.1, 0.0))
+    calm = dict.fromkeys(noisy[0].signals, Level(9.0, 1.1, 0.0))
     assert levels(*noisy, calm) == levels(*noisy, None)
 
 
@@ -71,10 +73,40 @@ def test_a_homing_error_of_one_leg_shows_in_all_signals_and_its_friction_in_its_
     assert moved["leg2.coulomb_friction"] == 0.0
 
 
-def test_frames_that_some_repeats_lost_are_no_noise_of_theirs():
+def test_frames_that_some_repeats_lost_make_noise_little_louder():
     rng = np.random.default_rng(3)
-    modelled = rng.standard_normal((6, 4000))
+    modelled, spread = rng.standard_normal((6, 4000)), np.ones(4000)
     measured = 1.2 * rng.standard_normal(4000)
-    assert _factor(measured, modelled) == pytest.approx(1.2, rel=0.05)
+    assert _factor(measured, modelled, spread) == pytest.approx(1.2, rel=0.05)
     measured[::25] *= 20.0
-    assert _factor(measured, modelled) == pytest.approx(1.2, rel=0.15)
+    assert np.std(measured) > 4.0
+    assert 1.2 < _factor(measured, modelled, spread) < 1.2 * RARE
+
+
+def test_how_loud_sensors_and_timing_are_is_told_apart():
+    rng = np.random.default_rng(6)
+    feels = np.where(np.arange(3000) % 10 < 4, 5.0, 0.01)
+    late, sensed = feels * rng.standard_normal((6, 3000)), rng.standard_normal((6, 3000))
+    left = 1.5 * feels * rng.standard_normal(3000) + 2.0 * rng.standard_normal(3000)
+    assert _level(left, late, sensed, (3.0, 3.0)) == pytest.approx((2.0, 1.5), rel=0.2)
+    assert _level(left, late, sensed, (1.4, 3.0))[0] == 1.4
+    assert _level(0.2 * late[0], late, sensed, (3.0, 3.0))[1] < 0.3
+
+
+def test_what_differs_wildly_between_repeats_is_no_noise():
+    """A motion twice, in both of which the force is struck at random: no sensor or bus makes that."""
+    sent = np.arange(0.0, 20.0, AXIS.bus.cycle)
+    told = 0.05 * np.sin(2 * np.pi * 0.5 * sent) * np.clip(sent - 0.5, 0.0, 1.0)
+    stamps = {f"axis.{q}": sent[20:] + 1.3e-3 for q in ("position", "force")}
+    answers = Twin(AXIS).replay({"axis": (sent, told)}, stamps)
+    rng = np.random.default_rng(7)
+    for signal, spread in (("position", AXIS.noise.position), ("force", AXIS.noise.force)):
+        answers[f"axis.{signal}"] += spread * rng.standard_normal(len(sent) - 20)
+    struck = rng.random(len(sent) - 20) < 0.3
+    answers["axis.force"] += 400.0 * struck * rng.standard_normal(len(struck))
+    columns = [pd.DataFrame({"t": sent, "axis.setpoint": told})]
+    columns += [pd.DataFrame({"t": stamps["axis.force"], **answers})]
+    frame = pd.concat(columns).sort_values("t", kind="stable", ignore_index=True)
+    found = locate(frame, AXIS)
+    assert "half the difference of their residuals" in found.floor_text
+    assert found.is_gap

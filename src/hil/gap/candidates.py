@@ -24,6 +24,9 @@ Report = Callable[[str], None]
 
 SINGLES: Final = 5
 """Candidates that are fitted alone."""
+MOST: Final = 9
+ALIKE: Final = 0.97
+"""Of the best linear gain, above which up to MOST candidates are fitted: all that it cannot tell apart."""
 FIRST: Final = 3
 WORTH: Final = 0.25
 """Of the best linear gain, below which none but the FIRST candidates are fitted: a gain may be illusory."""
@@ -45,7 +48,7 @@ def fit_candidates(
     """`none`, then all that was fitted."""
     leaves = search.bank.leaves
     fits = [none, *_single_fits(c, none, search, leaves, without, say)]
-    fits = [f for f in fits if is_itself(f)]
+    fits = [f for f in fits if is_itself(c, f)]
     fits += joint_fits(c, fits, search, leaves, without, say)
     fits += _peaked_fits(c, fits, leaves, say)
     return fits if DIRECTED in without else fits + _directed_fits(c, fits, without, say)
@@ -99,11 +102,13 @@ def promising(proposals: Sequence[Proposal]) -> list[Proposal]:
 
 
 def _worth_a_fit(proposals: Sequence[Proposal], leaves: Sequence[Leaf]) -> list[Proposal]:
-    """The best proposals; where a law of friction is among them, the plain laws at its place as well."""
-    out = promising(proposals)[:SINGLES]
+    """The best proposals, more where ALIKE; where a law of friction is among them, the plain laws as well."""
+    good = promising(proposals)
+    alike = sum(p.gain > ALIKE * good[0].gain for p in good[:MOST])
+    out = good[: max(SINGLES, alike)]
     rubs = {x.location for x in (leaves[p.leaves[0]] for p in out) if x.effect in FRICTION}
     plain = [
-        p for p in proposals[SINGLES:]
+        p for p in proposals[len(out) :]
         if leaves[p.leaves[0]].effect in PLAIN and leaves[p.leaves[0]].location in rubs
         and p.gain >= CHANCE
     ]  # fmt: skip
@@ -144,5 +149,5 @@ def _peaked_fits(
         if leaf.effect == PEAKED and leaf.location in rubs and base is not None:
             say(f"fitting {leaf.name} in place of {plain}")
             found = peaked(c, base, leaf)
-            out += [found] if found is not None and is_itself(found) else []
+            out += [found] if found is not None and is_itself(c, found) else []
     return out

@@ -1,7 +1,8 @@
 """The chance that the best candidate is not it: that the gap is none of the catalogue.
 
-Three signs, each weighed alone, the worst of them counts: too little of the gap is explained; too little of
-it goes on data that no fit has seen; the parameter of the effect is not the same everywhere.
+Four signs, each weighed alone, the worst of them counts: too little of the gap is explained; too little of
+it goes on data that no fit has seen; the parameter of the effect is not the same everywhere, or more than any
+rig has.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ HOLDS: Final = 0.4
 what is none of the catalogue is bent to fit what was seen and takes less off what was not [set on training
 cases and on the EMPS axis, where the published offset takes 0.46]. Steps of a signal are seen in its values:
 they need none."""
-BORNE_OUT: Final = 0.6
-"""Held-out shrink from which on less of the seen gap must be explained: FEW of its energy."""
-FEW: Final = 0.2
+BORNE_OUT: Final = (0.6, 0.95)
+FEW: Final = (0.2, 0.08)
+"""Held-out shrinks from which on less of the seen gap's energy must be explained."""
 STANDS: Final = 1.3
 WELL: Final = (0.8, 0.95)
 """Shares explained of what was seen, between which HOLDS falls to HARMLESS: impacts come at other instants in
@@ -46,6 +47,8 @@ LEAVES: Final = (1.5, 2.2)
 WAVES: Final = frozenset({"force_ripple", "lead_error"})
 WAVE_VARIES: Final = 0.04
 """The same for them: a wave of another shape looks a little like one that changes with place."""
+AT_BOUND: Final = 0.8
+"""Chance of an effect all of whose parameters want more than any rig has."""
 STEEP: Final = 0.25
 """How gradually, in the logarithm of that share."""
 
@@ -73,11 +76,13 @@ def doubt(
     """The chance, and the variation of a parameter where that is what tells."""
     others = other_than_steps(f)
     chance = by_share(told.share, told.gain)
+    if any(all(n in f.at_bound for n in leaf.parameters) for leaf in others):
+        chance = max(chance, AT_BOUND)
     part = told.part
     stands = part.before > STANDS * part.floor and len(others) == len(f.leaves)
     if part.shrink is not None and stands:
-        if part.shrink > BORNE_OUT and told.gain > CHANCE:
-            chance = _chance(told.share, FEW)
+        if told.gain > CHANCE:
+            chance = _chance(told.share, least_explained(part.shrink))
         holds = float(np.interp(told.share, WELL, (HOLDS, HARMLESS)))
         chance = max(chance, _chance(part.shrink, holds))
     varies = variation(c, none, f, bank, worth) if others else None
@@ -88,6 +93,14 @@ def doubt(
     odds = (half / max(varies.share, 1e-9)) ** (1.0 / STEEP)
     other = OTHERWISE + (1.0 - OTHERWISE) / (1.0 + odds)
     return max(chance, other), varies if other > max(chance, 0.5) else None
+
+
+def least_explained(shrink: float | None, usual: float = EXPLAINED) -> float:
+    """Share of the seen gap that must be explained, half of the time, where `shrink` goes off unseen data;
+    `usual` where those do not bear it out."""
+    if shrink is None or shrink <= BORNE_OUT[0]:
+        return usual
+    return float(np.interp(shrink, BORNE_OUT, FEW))
 
 
 def by_share(share: float, gain: float) -> float:

@@ -28,9 +28,11 @@ Array = NDArray[np.float64]
 
 FREEDOM: Final = 4.0
 """Of Student's distribution: residuals have the tails of frames that just missed a tick."""
-ROUNDS: Final = 4
+ROUNDS: Final = 6
 SETTLED: Final = 0.02
 """A round that gains less than this share of what is left ends the fit."""
+FAR: Final = 0.01
+"""Squared prior deviations of a step of nuisances from which on it tells of their sensitivities."""
 WEAK: Final = 10.0
 """Prior spread of a candidate's parameter in its own scales: keeps what data do not hold from running off."""
 
@@ -89,6 +91,11 @@ def loss(white: Array) -> Array:
     return np.asarray(0.5 * (FREEDOM + 1.0) * np.log1p(white**2 / FREEDOM))
 
 
+def weight(white: Array) -> Array:
+    """What a sample counts in `loss`, 1 where it is small."""
+    return np.asarray((FREEDOM + 1.0) / (FREEDOM + white**2))
+
+
 def calibrated(
     problem: Problem,
     noise: NoiseModel,
@@ -142,6 +149,7 @@ def fit(
     lower = np.concatenate([np.full(len(held), -LIMIT), [e[0] for e in ends]])
     upper = np.concatenate([np.full(len(held), LIMIT), [e[1] for e in ends]])
     spread = spread_of(c, white)
+    stalled = 0
     for _ in range(2 * rounds if is_swinging(names) else rounds):
         cost = _total(c, white, z, spread)
         B = sensitivities(c, vector, answer, names)
@@ -165,17 +173,18 @@ def fit(
             left = problem.measured - answer_new
             white_new = c.noise.whiten(problem, left)
             cost_new = _total(c, white_new, point[: len(held)], spread)
+            A = _as_moved(A, white[c.train] - white_new[c.train] - share * (J @ (new - here)),
+                          share * (new - here)[: len(held)])  # fmt: skip
             if cost_new < cost:
                 gained = cost - cost_new
                 vector, answer, residual, white = trial, answer_new, left, white_new
                 z, x = point[: len(held)], point[len(held) :] * scale
                 break
         before, spread = spread, spread_of(c, white)
-        if (
-            gained < SETTLED * max(cost / max(c.train.sum(), 1), 0.02) * c.train.sum()
-            and spread > 0.8 * before
-        ):
-            break
+        enough = SETTLED * max(cost / max(c.train.sum(), 1), 0.02) * c.train.sum()
+        stalled = 0 if gained > enough or spread < 0.8 * before else stalled + 1
+        if stalled > 1 or (stalled == 1 and share == 1.0):
+            break  # settled, or corrected sensitivities have not helped either
     full_z = np.array(c.z)
     full_z[held] = z
     full_z[own] = 0.0
@@ -188,6 +197,13 @@ def fit(
         tuple(leaves), tuple(names), values, np.sqrt(np.maximum(np.diag(covariance), 0.0)),
         vector, residual, white, full_z, bound,
     )  # fmt: skip
+
+
+def _as_moved(A: Array, missed: Array, step: Array) -> Array:
+    """Sensitivities (M, K) to nuisances, corrected so that `step` (K,) makes what it did, `missed` (M,) over
+    what they said [M: Broyden]: they were found where calibration stood, which may be far off."""
+    size = float(step @ step)
+    return A + np.outer(missed, step / size) if size > FAR else A
 
 
 def spread_of(c: Calibrated, white: Array) -> float:
@@ -360,8 +376,8 @@ def _robust_step(
     new, information = np.array(here), np.eye(n)
     for _ in range(3):
         left = np.abs(white - J @ (new - here))
-        weight = (FREEDOM + 1.0) / (FREEDOM + (left / spread) ** 2)
-        weighted = J * weight[:, None]
+        counts = weight(left / spread)
+        weighted = J * counts[:, None]
         information = weighted.T @ J + np.diag(ridge**2)
         gradient = weighted.T @ (white + J @ here) + ridge**2 * centre
         try:

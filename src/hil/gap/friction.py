@@ -28,6 +28,8 @@ OF_SPEED: Final = (
     f"{DIRECTED}.positive",
     f"{DIRECTED}.negative",
 )
+NEARLY_ALL: Final = 0.8
+"""Of a rig's own friction: no wear takes that much away."""
 PEAKS: Final = (1.6, 3.0)
 """Times the plain friction, that friction at rest may have where a peak is looked for."""
 
@@ -56,17 +58,24 @@ def nested(a: Sequence[Leaf], b: Sequence[Leaf]) -> bool:
     return len({x.location for x in apart}) == 1 and all(x.effect in FRICTION for x in apart)
 
 
-def is_itself(f: Fit) -> bool:
-    """Whether no effect of a fit has gone where it is another law of the rig's own friction near standstill:
-    a hysteresis as narrow as it may be, a Stribeck curve that rises from rest."""
+def is_itself(c: Calibrated, f: Fit) -> bool:
+    """Whether no effect of a fit has gone where it is another one: a hysteresis as narrow as it may be or a
+    Stribeck curve that rises from rest is the rig's own friction, friction that nearly goes one way and grows
+    the other a constant force."""
     if any(n.endswith(".hysteresis.displacement") for n in f.at_bound):
         return False
     value = dict(zip(f.names, f.values.tolist(), strict=True))
-    return not any(
-        value.get(f"{leaf.name}.static", 0.0) < value.get(f"{leaf.name}.coulomb", 0.0)
-        for leaf in f.leaves
-        if leaf.effect == PEAKED
-    )
+    own = {a.name: a.coulomb for a in c.problem.rig.actuators}
+    for leaf in f.leaves:
+        if leaf.effect == PEAKED and value.get(f"{leaf.name}.static", 0.0) < value.get(
+            f"{leaf.name}.coulomb", 0.0
+        ):
+            return False
+        if leaf.effect == "asymmetric_friction":
+            less, more = sorted(value.get(n, 0.0) for n in leaf.parameters)
+            if more > 0.0 and less < -NEARLY_ALL * own[leaf.location]:
+                return False
+    return True
 
 
 def directed(c: Calibrated, base: Fit, location: str) -> list[Fit]:

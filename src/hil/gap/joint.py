@@ -64,7 +64,7 @@ def joint_fits(
             if not start:
                 continue  # it changes nothing that these data would show
             joint = fit(c, some, {**relative(c, head), **start}, p.z)
-            if joint is not None and is_itself(joint) and adds(c, [*fits[1:], *out], joint):
+            if joint is not None and is_itself(c, joint) and adds(c, [*fits[1:], *out], joint):
                 new.append(joint)
         if not out:
             new += _unseen_pairs(c, fits, new, search, leaves, say)
@@ -95,7 +95,7 @@ def _unseen_pairs(
         say(f"fitting {a.name} + {b.name}")
         start = search.felt(changes_of([a, b], p.starts, c.problem))
         joint = fit(c, [a, b], start, p.z) if start else None
-        if joint is not None and is_itself(joint) and adds(c, fits[1:], joint):
+        if joint is not None and is_itself(c, joint) and adds(c, fits[1:], joint):
             out.append(joint)
         break
     return out
@@ -138,7 +138,7 @@ def _swapped(
         say("fitting " + " + ".join(y.name for y in some))
         kept = {n: v for n, v in relative(c, best).items() if n not in leaf.parameters}
         joint = fit(c, some, kept | relative(c, x), best.z)
-        if joint is not None and is_itself(joint) and adds(c, [*fits[1:], *new], joint):
+        if joint is not None and is_itself(c, joint) and adds(c, [*fits[1:], *new], joint):
             out.append(joint)
     return out
 

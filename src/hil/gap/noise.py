@@ -12,6 +12,7 @@ and acceleration) and by the inverse of the draws' own autoregression: the floor
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
@@ -37,6 +38,11 @@ SPIKE: Final = 4.0
 NEIGHBOURS: Final = 5
 USUAL: Final = 0.8
 """Share of the samples, the quieter ones, that tell a gap from many frames that came at the wrong tick."""
+UNSTEADY: Final = 3.0
+"""Times the model that noise may have by repeats and by the record's level at most: on healthy rigs of two
+worlds that is below 2 for forces and 3.1 for accelerometers; what else does not repeat is gap."""
+ALIKE: Final = 3.0
+"""Spreads of noise by which two repeats may be predicted to differ."""
 RARE: Final = 1.8
 """Times what the usual samples say, from which on differences of repeats are rare events and no noise."""
 LEVEL_RANGE: Final = (0.3, 3.0)
@@ -47,16 +53,26 @@ COMMON: Final = 0.98
 """Share of the samples, the smaller ones, that tell how loud a record is; the rest are its spikes."""
 HEALTHY: Final = 1.25
 """Times the level that a healthy reference has by the same model: a run is no noisier than that by itself."""
+CALM: Final = 0.4
+LIVELY: Final = 0.6
+"""Quantiles of how much samples feel time, below which they tell of sensors and above which of timing."""
 AS_LIVELY: Final = 0.5
 """Of the run's part of timing in its noise, that a reference must have to tell the level of it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """How loud a record is beside the noise model: times the model, and timing's part over the sensors'."""
+    """How loud a record is beside the noise model: times the sensors' part, times timing's, and how large
+    timing's part is over the sensors'."""
 
-    factor: float
+    sensed: float
+    late: float
     lively: float
+
+    @property
+    def factor(self) -> float:
+        """Times the model, both parts together."""
+        return math.hypot(self.sensed, self.late * self.lively) / math.hypot(1.0, self.lively)
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +268,9 @@ def find_noise(
         )
     if not repeats or residual is None:
         return replace(from_draws(problem, drawn, "model", text, timing), levels=levels)
-    scaled, by_signal = _by_repeats(problem, drawn, repeats, residual)
+    by_level = {s: level.factor for s, level in levels.items()}
+    sigma = from_draws(problem, drawn, "model", text, timing).sigma
+    scaled, by_signal = _by_repeats(problem, drawn, repeats, residual, by_level, sigma)
     what = "; ".join(dict.fromkeys(r.text for r in repeats))
     low, high = min(by_signal.values()), max(by_signal.values())
     text = (
@@ -297,28 +315,49 @@ def _as_loud(
             continue
         left = residual[x.part][kept]
         a, b = late[:, x.part][:, kept], sensed[:, x.part][:, kept]
-        factor, share = _level(left, a, b)
         lively = float(np.sqrt(_loud(a) / max(_loud(b), 1e-300)))
+        most = (LEVEL_RANGE[1], LEVEL_RANGE[1])
         usual = healthy.get(x.signal)
-        if usual is not None and usual.lively > AS_LIVELY * lively:
-            factor = min(factor, HEALTHY * usual.factor)
-        out[:, x.part] = factor * (share * late[:, x.part] + sensed[:, x.part])
-        known = levels.get(x.signal, Level(0.0, 0.0))
-        levels[x.signal] = Level(max(factor, known.factor), max(lively, known.lively))
+        if usual is not None:
+            as_lively = usual.lively > AS_LIVELY * lively
+            most = (
+                min(most[0], HEALTHY * usual.sensed),
+                min(most[1], HEALTHY * usual.late) if as_lively else most[1],
+            )
+        of_sensors, of_timing = _level(left, a, b, most)
+        out[:, x.part] = of_timing * late[:, x.part] + of_sensors * sensed[:, x.part]
+        known = levels.get(x.signal, Level(0.0, 0.0, 0.0))
+        levels[x.signal] = Level(
+            max(of_sensors, known.sensed), max(of_timing, known.late), max(lively, known.lively)
+        )
     return out, levels
 
 
-def _level(left: Array, late: Array, sensed: Array) -> tuple[float, float]:
-    """What draws (D, M) are multiplied by, and their part of timing, to be no louder than `left` (M,)."""
-    fine = float(np.median(np.abs(np.diff(left, 2))))
-    total, noise, timing = LOUDER**2 * _loud(left), _loud(sensed), _loud(late)
-    factor, share = 1.0, 1.0
-    for _ in range(4):
-        modelled = float(np.median(np.abs(np.diff(share * late + sensed, 2, axis=1))))
-        factor = float(np.clip(fine / max(modelled, 1e-300), *LEVEL_RANGE))
-        room = total / factor**2 - noise
-        share = min(share, float(np.sqrt(max(room, 0.0) / max(timing, 1e-300))))
-    return factor, share
+def _level(
+    left: Array, late: Array, sensed: Array, most: tuple[float, float]
+) -> tuple[float, float]:
+    """What draws of sensors and of timing (D, M) are multiplied by, `most` at most, to be as loud as `left`
+    (M,): the one by what hardly feels time, the other by what feels it. Timing is no quieter than the model,
+    for its kicks are rare, unless all of `left` is."""
+    felt = np.sqrt(np.mean(np.diff(late, 2, axis=1) ** 2, axis=0))
+    calm, lively = felt <= np.quantile(felt, CALM), felt > np.quantile(felt, LIVELY)
+    fine = np.abs(np.diff(left, 2))
+    s, t = 1.0, 1.0
+    for _ in range(6):
+        size = np.abs(np.diff(t * late + s * sensed, 2, axis=1))
+        s = float(np.clip(s * _times(fine, size, calm), LEVEL_RANGE[0], most[0]))
+        size = np.abs(np.diff(t * late + s * sensed, 2, axis=1))
+        t = float(np.clip(t * _times(fine, size, lively), 1.0, max(most[1], 1.0)))
+        room = LOUDER**2 * _loud(left) - s**2 * _loud(sensed)
+        t = min(t, float(np.sqrt(max(room, 0.0) / max(_loud(late), 1e-300))))
+    return s, t
+
+
+def _times(fine: Array, size: Array, some: NDArray[np.bool_]) -> float:
+    """How many times larger the median of `fine` (M,) is than that of `size` (D, M) where `some` (M,)."""
+    if not some.any():
+        return 1.0
+    return float(np.median(fine[some])) / max(float(np.median(size[:, some])), 1e-300)
 
 
 def _loud(values: Array) -> float:
@@ -327,14 +366,23 @@ def _loud(values: Array) -> float:
     return float(np.mean(size[: max(int(COMMON * len(size)), 1)]))
 
 
-def _factor(measured: Array, modelled: Array) -> float:
-    """Times that differences of repeats are larger than `modelled` ones; by the usual ones of both where rare
-    ones make RARE of it, for frames that some repeats lost are no noise."""
-    all_of_them, usual = (
+def _factor(measured: Array, modelled: Array, spread: Array) -> float:
+    """Times that differences of repeats (M,) are larger than `modelled` ones (D, M).
+
+    Where some are RARE beside the usual ones, for frames that one of two lost are no noise, both are cut at
+    SPIKE times their `spread` (M,), as spikes are everywhere.
+    """
+    usual, all_of_them = (
         float(np.sqrt(_mean_square(measured, share) / max(_mean_square(modelled, share), 1e-300)))
-        for share in (1.0, USUAL)
+        for share in (USUAL, 1.0)
     )
-    return usual if all_of_them > RARE * usual else all_of_them
+    least = float(np.mean(np.clip(modelled, -SPIKE * spread, SPIKE * spread) ** 2))
+    factor = usual
+    for _ in range(2):
+        most = SPIKE * factor * spread
+        factor = float(np.sqrt(np.mean(np.clip(measured, -most, most) ** 2) / max(least, 1e-300)))
+    factor = min(factor, RARE * usual)
+    return factor if all_of_them > RARE * usual else max(factor, all_of_them)
 
 
 def _mean_square(values: Array, share: float) -> float:
@@ -344,10 +392,15 @@ def _mean_square(values: Array, share: float) -> float:
 
 
 def _by_repeats(
-    problem: Problem, drawn: Array, repeats: Sequence[Repeats], residual: Array
+    problem: Problem,
+    drawn: Array,
+    repeats: Sequence[Repeats],
+    residual: Array,
+    by_level: Mapping[str, float],
+    sigma: Array,
 ) -> tuple[Array, Mapping[str, float]]:
     """Draws scaled signal by signal to what repeats differ by, where the twin says the same of them: what is
-    shaken into one of them is no noise."""
+    shaken into one of them is no noise. Up to UNSTEADY times the model, with what `by_level` did before."""
     out = np.array(drawn)
     factors = {}
     predicted = problem.measured - residual
@@ -358,7 +411,9 @@ def _by_repeats(
             continue
         measured = np.concatenate([residual[first] - residual[second] for first, second in pairs])
         modelled = np.hstack([drawn[:, first] - drawn[:, second] for first, second in pairs])
-        factors[signal] = _factor(measured, modelled)
+        both = np.concatenate([np.hypot(sigma[first], sigma[second]) for first, second in pairs])
+        most = UNSTEADY / max(by_level.get(signal, 1.0), 1.0)
+        factors[signal] = min(_factor(measured, modelled, both), most)
         for x in problem.series:
             if x.signal == signal:
                 out[:, x.part] *= factors[signal]
@@ -366,8 +421,10 @@ def _by_repeats(
 
 
 def _alike(first: Index, second: Index, predicted: Array, spread: Array) -> tuple[Index, Index]:
-    """Those of paired samples that are predicted alike, within the noise of one."""
-    same = np.abs(predicted[first] - predicted[second]) < spread[first]
+    """Those of paired samples that are predicted alike, as far as frames that never come at the very same
+    instants of a period allow; at least half of them."""
+    apart = np.abs(predicted[first] - predicted[second]) / spread[first]
+    same = apart <= max(ALIKE, float(np.median(apart)))
     return first[same], second[same]
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from hil.gap.bank import Bank
-from hil.gap.fit import Calibrated, loss
+from hil.gap.fit import Calibrated, loss, weight
 from hil.gap.nuisances import LIMIT
 
 Array = NDArray[np.float64]
@@ -28,6 +28,8 @@ RIDGE: Final = 1e-6
 FEW: Final = 2
 MANY: Final = 40
 """Starts of a leaf that are judged robustly: the best by squares, or nearly all."""
+ROBUST: Final = 4
+"""Reweighted steps that make amplitudes robust."""
 FELT: Final = 1.0
 """Squared whitened size that a usual step of a parameter must have to be fitted."""
 
@@ -50,6 +52,7 @@ class Search:
         self.bank = bank
         rows = c.train
         self._white = (c.white if white is None else white)[rows]
+        self._spread = max(1.0, 1.4826 * float(np.median(np.abs(self._white))))
         self._A = c.jacobian[rows]
         T = np.empty((int(rows.sum()), bank.columns.shape[1]), dtype=np.float32)
         for first in range(0, T.shape[1], 32):
@@ -106,10 +109,11 @@ class Search:
     ) -> Proposal | None:
         """The best starts (`only`: among these of each leaf) and amplitudes of a set of leaves.
 
-        Amplitudes are those of least squares; what a start is worth is judged robustly, for an impact that
-        comes a little early is worse than none in squares and still the right idea.
+        Amplitudes are those of least squares, made robust for the best; what a start is worth is judged
+        robustly, for an impact that comes a little early is worse than none in squares and still the right
+        idea.
         """
-        found: list[Proposal] = []
+        found: list[tuple[Proposal, Array]] = []
         options = only or [range(len(self.bank.places[k])) for k in leaves]
         for starts in itertools.product(*options):
             columns = [self.bank.places[k][s] for k, s in zip(leaves, starts, strict=True)]
@@ -123,11 +127,36 @@ class Search:
                 for a in (best, np.ones(1)) if self._is_finite(leaves) else (best,):
                     parts = tuple(zip(starts, np.split(a, ends), strict=True))
                     z = np.clip(self._z + moves[:, -1] - moves[:, index] @ a, -LIMIT, LIMIT)
-                    found.append(Proposal(leaves, parts, gain, z))
-        found.sort(key=lambda p: -p.gain)
+                    found.append((Proposal(leaves, parts, gain, z), moves))
+        found.sort(key=lambda x: -x[0].gain)
         few = found[: MANY if self._is_finite(leaves) else FEW]
-        real = [replace(p, gain=self._worth(p)) for p in few]
-        return max(real, key=lambda p: p.gain, default=None)
+        real = [(replace(p, gain=self._worth(p)), moves) for p, moves in few]
+        if not real:
+            return None
+        chosen, moves = max(real, key=lambda x: x[0].gain)
+        return chosen if self._is_finite(leaves) else self._robust(chosen, moves)
+
+    def _robust(self, p: Proposal, moves: Array) -> Proposal:
+        """`p` with the amplitudes that the robust loss wants, nuisances along with them, if that is better:
+        a few wild samples make those of squares far too small."""
+        index = [
+            i for k, (s, _) in zip(p.leaves, p.starts, strict=True) for i in self.bank.places[k][s]
+        ]
+        T = self._T[:, index].astype(float) - self._A @ moves[:, index]
+        rest = self._white - self._A @ moves[:, -1]
+        lower, upper = self._bounds(p.leaves, [len(a) for _, a in p.starts])
+        a = np.concatenate([a for _, a in p.starts])
+        for _ in range(ROBUST):
+            left = (rest - T @ a) / self._spread
+            D = T * weight(left)[:, None]
+            ridge = RIDGE * np.diag(self.raw[index] + 1e-12)
+            a = np.clip(np.linalg.solve(D.T @ T + ridge, D.T @ rest), lower, upper)
+        z = np.clip(self._z + moves[:, -1] - moves[:, index] @ a, -LIMIT, LIMIT)
+        ends = np.cumsum([len(x) for _, x in p.starts])[:-1]
+        starts = tuple((s, x) for (s, _), x in zip(p.starts, np.split(a, ends), strict=True))
+        new = Proposal(p.leaves, starts, 0.0, z)
+        new = replace(new, gain=self._worth(new))
+        return max(p, new, key=lambda x: x.gain)
 
     def _is_finite(self, leaves: tuple[int, ...]) -> bool:
         """Whether a leaf alone is one that squares misjudge: its starts themselves are worth a look."""
@@ -138,9 +167,25 @@ class Search:
         change = self._A @ (p.z - self._z)
         for k, (s, a) in zip(p.leaves, p.starts, strict=True):
             change += self._T[:, list(self.bank.places[k][s])].astype(float) @ a
-        spread = max(1.0, 1.4826 * float(np.median(np.abs(self._white))))
+        spread = self._spread
         before, after = loss(self._white / spread), loss((self._white - change) / spread)
         return float(spread**2 * np.sum(before - after) + 0.5 * (self._z @ self._z - p.z @ p.z))
+
+    def _bounds(self, leaves: Sequence[int], counts: Sequence[int]) -> tuple[Array, Array]:
+        """What each effect allows of the amplitudes of its `counts` columns."""
+        lower, upper = np.full(sum(counts), -np.inf), np.full(sum(counts), np.inf)
+        k = 0
+        for leaf, count in zip(leaves, counts, strict=True):
+            effect = self.bank.leaves[leaf].effect
+            part = slice(k, k + count)
+            if effect in LIMITS:
+                lower[part], upper[part] = 0.999, 1.001
+            elif effect in NEAR:
+                lower[part], upper[part] = NEAR_RANGE
+            elif effect in ONE_SIDED:
+                lower[part] = 0.0
+            k += count
+        return lower, upper
 
     def _bounded(
         self,
@@ -151,18 +196,7 @@ class Search:
         size: Array,
     ) -> tuple[Array, float]:
         """Amplitudes within what each effect allows, and the gain they have."""
-        lower, upper = np.full(len(b), -np.inf), np.full(len(b), np.inf)
-        k = 0
-        for leaf, cols in zip(leaves, columns, strict=True):
-            effect = self.bank.leaves[leaf].effect
-            part = slice(k, k + len(cols))
-            if effect in LIMITS:
-                lower[part], upper[part] = 0.999, 1.001
-            elif effect in NEAR:
-                lower[part], upper[part] = NEAR_RANGE
-            elif effect in ONE_SIDED:
-                lower[part] = 0.0
-            k += len(cols)
+        lower, upper = self._bounds(leaves, [len(cols) for cols in columns])
         a = np.linalg.solve(scaled, b) / size
         if np.any(a < lower) or np.any(a > upper):
             root = _root(scaled)

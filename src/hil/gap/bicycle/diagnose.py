@@ -16,7 +16,7 @@ from hil.gap.bicycle.noise import tempered, with_tolerances
 from hil.gap.bicycle.sets import fit_sets
 from hil.gap.diagnose import STRAIN, as_found
 from hil.gap.diagnosis import Cause, Diagnosis
-from hil.gap.doubt import BORNE_OUT, FEW, STANDS
+from hil.gap.doubt import STANDS, least_explained
 from hil.gap.evidence import MORE
 from hil.gap.fit import Fit
 from hil.gap.heldout import Score, score, split, touched
@@ -219,7 +219,7 @@ def _by_energy(found: Diagnosis) -> Diagnosis:
     share = 1.0 - left / max(was, 1e-9)
     unseen = found.score
     worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
-    half = FEW if worth is not None and worth > BORNE_OUT else EXPLAINED
+    half = least_explained(worth, EXPLAINED)
     unknown = float(1.0 / (1.0 + np.exp((share - half) / SOFT)))
     if worth is not None and worth < (HOLDS if len(best.leaves) == 1 else SEVERAL_HOLD):
         unknown = max(unknown, 0.9)  # unseen data do not bear it out
