@@ -7,6 +7,7 @@ rig has.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,6 +18,7 @@ from hil.gap.clear import DECISIVE, EXPLAINED, other_than_steps
 from hil.gap.constancy import Variation, variation
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.heldout import Score
+from hil.gap.leaves import Leaf
 from hil.gap.shares import explained, largest_ratio
 
 SOFT: Final = 0.06
@@ -76,7 +78,7 @@ def doubt(
     """The chance, and the variation of a parameter where that is what tells."""
     others = other_than_steps(f)
     chance = by_share(told.share, told.gain)
-    if any(all(n in f.at_bound for n in leaf.parameters) for leaf in others):
+    if is_beyond(others, f):
         chance = max(chance, AT_BOUND)
     part = told.part
     stands = part.before > STANDS * part.floor and len(others) == len(f.leaves)
@@ -93,6 +95,11 @@ def doubt(
     odds = (half / max(varies.share, 1e-9)) ** (1.0 / STEEP)
     other = OTHERWISE + (1.0 - OTHERWISE) / (1.0 + odds)
     return max(chance, other), varies if other > max(chance, 0.5) else None
+
+
+def is_beyond(leaves: Sequence[Leaf], f: Fit) -> bool:
+    """Whether all parameters of one of `leaves` want more than any rig has."""
+    return any(all(n in f.at_bound for n in leaf.parameters) for leaf in leaves)
 
 
 def least_explained(shrink: float | None, usual: float = EXPLAINED) -> float:

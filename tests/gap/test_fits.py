@@ -1,0 +1,76 @@
+"""Amplitudes that single samples do not spoil, sensitivities that learn, effects that are another one."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hil.gap.doubt import is_beyond
+from hil.gap.fit import _as_moved
+from hil.gap.friction import is_itself
+from hil.gap.heldout import split
+from hil.gap.locate import locate
+from hil.gap.nuisances import default_nuisances
+from hil.gap.search import Search
+from hil.gap.training import begin, candidates_of
+from tests.gap.twin_runs import AXIS, effect, record
+
+
+def amplitude(frame, name: str) -> float:
+    """What the linear picture of the search would begin a fit of `name` with."""
+    e = locate(frame, AXIS).evidence
+    parts = split(e.problem, e.noise, e.residual)
+    c, none = begin(e, parts, default_nuisances(AXIS, e.problem.signals), {}, 0)
+    bank = candidates_of(c, none, ())
+    (found,) = (p for p in Search(c, bank).alone() if bank.leaves[p.leaves[0]].name == name)
+    return float(found.starts[0][1][0])
+
+
+def test_kicks_do_not_spoil_what_a_mass_looks_like():
+    heavy = record(effect("actuator_inertia", mass=67.5), duration_s=6.0)
+    kicked, rng = heavy.copy(), np.random.default_rng(3)
+    answered = heavy.index[heavy["axis.force"].notna()]
+    for first in rng.choice(len(answered) - 3, 30, replace=False):
+        kicked.loc[answered[first : first + 3], "axis.force"] += rng.choice([-300.0, 300.0])
+    alone = amplitude(heavy, "axis.actuator_inertia")
+    assert amplitude(kicked, "axis.actuator_inertia") == pytest.approx(alone, rel=0.1)
+
+
+def test_sensitivities_learn_what_a_step_did():
+    rng = np.random.default_rng(1)
+    found, true = rng.standard_normal((2, 50, 4))
+    step = rng.standard_normal(4)
+    learnt = _as_moved(found, (true - found) @ step, step)
+    assert learnt @ step == pytest.approx(true @ step)
+    across = np.array([step[1], -step[0], 0.0, 0.0])
+    assert learnt @ across == pytest.approx(found @ across)
+    assert _as_moved(found, np.ones(50), 1e-3 * step) is found
+
+
+def fit_of(name: str, values: dict[str, float], *at_bound: str) -> SimpleNamespace:
+    """As much of a fit of one effect as is asked here."""
+    names = tuple(f"axis.{name}.{p}" for p in values)
+    leaf = SimpleNamespace(effect=name, location="axis", name=f"axis.{name}", parameters=names)
+    ends = tuple(f"axis.{name}.{p}" for p in at_bound)
+    numbers = np.array(list(values.values()))
+    return SimpleNamespace(leaves=(leaf,), names=names, values=numbers, at_bound=ends)
+
+
+@pytest.mark.parametrize(
+    ("positive", "negative", "is_friction"),
+    [(60.0, 10.0, True), (30.0, -8.0, True), (30.0, -20.0, False), (-12.0, -11.0, True)],
+)
+def test_friction_that_goes_one_way_and_grows_the_other_is_a_constant_force(
+    positive: float, negative: float, is_friction: bool
+):
+    """The axis has 20 N of its own."""
+    c = SimpleNamespace(problem=SimpleNamespace(rig=AXIS))
+    f = fit_of("asymmetric_friction", {"positive": positive, "negative": negative})
+    assert is_itself(c, f) is is_friction
+
+
+def test_an_effect_all_of_whose_parameters_are_at_their_bounds_is_beyond_any_rig():
+    stuck = fit_of("velocity_saturation", {"limit": 0.0}, "limit")
+    half = fit_of("load_friction", {"coefficient": 0.1, "asymmetry": 1.0}, "asymmetry")
+    assert is_beyond(stuck.leaves, stuck)
+    assert not is_beyond(half.leaves, half)
