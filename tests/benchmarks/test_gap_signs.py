@@ -1,0 +1,32 @@
+"""The signs that thresholds are set on, of a gap and of none."""
+
+import pandas as pd
+import pytest
+from benchmarks.gap_signs import signs, table
+
+from hil.gap import diagnose
+from tests.gap.twin_runs import AXIS, effect, record
+
+
+def test_signs_of_friction_and_of_a_healthy_axis():
+    found = signs(diagnose(record(effect("coulomb_friction", force=40.0)), AXIS))
+    assert found["share"] > 0.9
+    assert found["unseen"] > 0.9
+    assert found["nats"] > 15.0
+    assert found["floors"] > 2.0
+    healthy = signs(diagnose(record(), AXIS))
+    assert set(healthy) == {"floors", "loud", "lone"}
+    assert healthy["floors"] < 1.5
+
+
+def test_quantiles_stand_by_kind():
+    rows = pd.DataFrame(
+        {
+            "kind": ["single", "single", "none"],
+            "is_right": [True, False, False],
+            "share": [0.9, 0.4, 0.1],
+        }
+    )
+    found = table(rows)
+    assert found.loc[("catalogue, right", 0.5), "share"] == pytest.approx(0.9)
+    assert found.loc[("none", 0.5), "cases"] == 1
