@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.leaves import Changes, Leaf
+from hil.gap.nature import PLACING
 from hil.gap.problem import Problem
 
 Array = NDArray[np.float64]
@@ -24,8 +25,6 @@ Columns = NDArray[np.float32]
 
 TOGETHER_FROM: Final = 3
 """Actuators from which on one replay serves a column of all of them."""
-PLACING: Final = frozenset({"position_offset", "lead_error"})
-"""Effects that move the platform itself, which every signal shows."""
 AT_ONCE: Final = 16
 
 

@@ -11,6 +11,7 @@ from hil.gap.fit import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import touched, traces
 from hil.gap.leaves import Leaf
+from hil.gap.nature import ALWAYS
 from hil.gap.rounding import EFFECT as ROUNDED
 from hil.gap.shares import explained
 
@@ -22,13 +23,9 @@ CLEAR: Final = 15.0
 """Nats of evidence from which on a candidate is more than a chance among many [set on training cases]."""
 MATERIAL: Final = 0.75
 """Floors that its trace must have on some signal."""
-ALWAYS: Final = frozenset(
-    {"loop_gain", "transport_delay", "sensor_latency", "sensor_scale", "clock_drift", "force_constant",
-     "actuator_inertia", "payload_mass", "payload_inertia", "viscous_friction", "compliance"}
-)  # fmt: skip
 STEADY: Final = 1.2
-"""Floors of the trace of effects that ALWAYS act: whatever a twin lacks everywhere looks a little like one of
-them, and none of them hides in rare events [set on training cases of two worlds]."""
+"""Floors of the trace of effects that ALWAYS act: none of them hides in rare events [set on training cases of two
+worlds]."""
 DECISIVE: Final = 120.0
 FAINT: Final = 0.4
 """Nats, and floors of its trace, of a candidate that is small and beyond doubt all the same."""

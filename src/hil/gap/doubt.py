@@ -19,6 +19,7 @@ from hil.gap.constancy import Variation, variation
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.heldout import Score
 from hil.gap.leaves import Leaf
+from hil.gap.nature import WAVES
 from hil.gap.shares import explained, largest_ratio
 
 SOFT: Final = 0.06
@@ -46,9 +47,8 @@ floors of any signal: a catalogue's effect of another law adds less than 0.003 a
 little is left; its neighbours from outside more than 0.028, or 0.007 where much is left [set on training
 cases of three worlds]."""
 LEAVES: Final = (1.5, 2.2)
-WAVES: Final = frozenset({"force_ripple", "lead_error"})
 WAVE_VARIES: Final = 0.04
-"""The same for them: a wave of another shape looks a little like one that changes with place."""
+"""The same for WAVES."""
 AT_BOUND: Final = 0.8
 """Chance of an effect all of whose parameters want more than any rig has."""
 STEEP: Final = 0.25

@@ -13,7 +13,8 @@ from hil.gap.frames import fit_lost_frames
 from hil.gap.friction import is_itself, may_join
 from hil.gap.heldout import touched
 from hil.gap.leaves import Leaf
-from hil.gap.search import LIMITS, Proposal, Search
+from hil.gap.nature import LIMITS
+from hil.gap.search import Proposal, Search
 from hil.gap.shares import above_noise, explained, most_left
 from hil.gap.starts import changes_of, relative
 

@@ -18,6 +18,7 @@ from scipy.optimize import lsq_linear
 
 from hil.gap.bank import Bank
 from hil.gap.fit import Calibrated, loss, weight
+from hil.gap.nature import LIMITS, NEAR, ONE_SIDED
 from hil.gap.nuisances import LIMIT
 
 Array = NDArray[np.float64]
@@ -28,6 +29,8 @@ RIDGE: Final = 1e-6
 FEW: Final = 2
 MANY: Final = 40
 """Starts of a leaf that are judged robustly: the best by squares, or nearly all."""
+NEAR_RANGE: Final = (0.8, 1.25)
+"""Amplitudes of effects whose columns are what they do only near a start."""
 ROBUST: Final = 4
 """Reweighted steps that make amplitudes robust."""
 FELT: Final = 1.0
@@ -213,13 +216,3 @@ def _root(scaled: Array) -> Array:
     except np.linalg.LinAlgError:
         size, turn = np.linalg.eigh(scaled)
         return np.asarray(np.linalg.cholesky(turn * np.maximum(size, np.sqrt(RIDGE)) @ turn.T))
-
-
-ONE_SIDED: Final = frozenset(
-    {"compliance", "hysteresis", "load_friction", "front_suspension", "tyre_compliance"}
-)
-LIMITS: Final = frozenset({"force_saturation", "velocity_saturation"})
-"""Their starts are read from the record: nothing to scale."""
-NEAR: Final = frozenset({"backlash", "transport_delay", "sensor_latency", "clock_drift"})
-"""Effects that grow in no proportion to their parameter: only near a start is its column what they do."""
-NEAR_RANGE: Final = (0.8, 1.25)
