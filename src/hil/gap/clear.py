@@ -24,8 +24,8 @@ CLEAR: Final = 15.0
 MATERIAL: Final = 0.75
 """Floors that its trace must have on some signal."""
 STEADY: Final = 1.2
-"""Floors of the trace of effects that ALWAYS act: none of them hides in rare events [set on training cases of two
-worlds]."""
+"""Floors of the trace of effects that ALWAYS act: none of them hides in rare events [set on training cases of
+two worlds]."""
 DECISIVE: Final = 120.0
 FAINT: Final = 0.4
 """Nats, and floors of its trace, of a candidate that is small and beyond doubt all the same."""

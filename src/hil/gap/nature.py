@@ -1,7 +1,7 @@
 """What a diagnosis knows of effects by their names: how they enter the answer, when and where they show.
 
-An effect that is in none of these sets enters in proportion to its parameters, either way, now and then, at its
-own actuator. `hil.gap.friction` has the laws of friction, which stand for one another.
+An effect that is in none of these sets enters in proportion to its parameters, either way, now and then, at
+its own actuator. `hil.gap.friction` has the laws of friction, which stand for one another.
 """
 
 from __future__ import annotations
