@@ -77,24 +77,24 @@ def doubt(
 ) -> tuple[float, Variation | None]:
     """The chance, and the variation of a parameter where that is what tells."""
     others = other_than_steps(f)
-    chance = by_share(told.share, told.gain)
+    other = by_share(told.share, told.gain)
     if is_beyond(others, f):
-        chance = max(chance, AT_BOUND)
+        other = max(other, AT_BOUND)
     part = told.part
     stands = part.before > STANDS * part.floor and len(others) == len(f.leaves)
     if part.shrink is not None and stands:
         if told.gain > CHANCE:
-            chance = _chance(told.share, least_explained(part.shrink))
+            other = chance(told.share, least_explained(part.shrink))
         holds = float(np.interp(told.share, WELL, (HOLDS, HARMLESS)))
-        chance = max(chance, _chance(part.shrink, holds))
+        other = max(other, chance(part.shrink, holds))
     varies = variation(c, none, f, bank, worth) if others else None
     if varies is None:
-        return chance, None
+        return other, None
     left = float(np.interp(largest_ratio(c, f), LEAVES, VARIES))
     half = WAVE_VARIES if varies.leaf.effect in WAVES else left
     odds = (half / max(varies.share, 1e-9)) ** (1.0 / STEEP)
-    other = OTHERWISE + (1.0 - OTHERWISE) / (1.0 + odds)
-    return max(chance, other), varies if other > max(chance, 0.5) else None
+    uneven = OTHERWISE + (1.0 - OTHERWISE) / (1.0 + odds)
+    return max(other, uneven), varies if uneven > max(other, 0.5) else None
 
 
 def is_beyond(leaves: Sequence[Leaf], f: Fit) -> bool:
@@ -112,9 +112,10 @@ def least_explained(shrink: float | None, usual: float = EXPLAINED) -> float:
 
 def by_share(share: float, gain: float) -> float:
     """The chance by what is explained of the seen gap alone."""
-    return max(_chance(share, EXPLAINED), 0.9 if gain < CHANCE else 0.0)
+    return max(chance(share, EXPLAINED), 0.9 if gain < CHANCE else 0.0)
 
 
-def _chance(share: float, half: float) -> float:
-    """That it is none of the catalogue, where `share` is explained and `half` is as likely as not."""
-    return OTHERWISE + (1.0 - OTHERWISE) / float(1.0 + np.exp((share - half) / SOFT))
+def chance(share: float, half: float, least: float = OTHERWISE) -> float:
+    """That it is none of the catalogue, where `share` is explained and `half` is as likely as not; `least` at
+    least."""
+    return least + (1.0 - least) / float(1.0 + np.exp((share - half) / SOFT))
