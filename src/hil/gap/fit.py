@@ -173,8 +173,9 @@ def fit(
             left = problem.measured - answer_new
             white_new = c.noise.whiten(problem, left)
             cost_new = _total(c, white_new, point[: len(held)], spread)
-            A = _as_moved(A, white[c.train] - white_new[c.train] - share * (J @ (new - here)),
-                          share * (new - here)[: len(held)])  # fmt: skip
+            step = point - here
+            told = A @ step[: len(held)] + J[:, len(held) :] @ step[len(held) :]
+            A = _as_moved(A, (white - white_new)[c.train] - told, step[: len(held)])
             if cost_new < cost:
                 gained = cost - cost_new
                 vector, answer, residual, white = trial, answer_new, left, white_new
