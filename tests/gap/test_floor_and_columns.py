@@ -9,7 +9,7 @@ from hil.gap.bank import fill_bank
 from hil.gap.draws import sensor_sigma
 from hil.gap.leaves import find_leaves
 from hil.gap.locate import locate
-from hil.gap.noise import HEALTHY, RARE, Level, _factor, _level, find_noise
+from hil.gap.noise import HEALTHY, LOUDEST, RARE, Level, _factor, _level, find_noise
 from hil.gap.problem import Problem
 from hil.gap.runs import as_runs
 from hil.identify.replay import Stretch, stretches
@@ -36,12 +36,16 @@ def levels(problem, residual, healthy):
 
 
 def test_without_a_reference_the_fastest_part_of_a_residual_is_noise(noisy):
-    assert levels(*noisy, None)["axis.position"] == pytest.approx(3.0, rel=0.1)
+    assert levels(*noisy, None)["axis.force"] == pytest.approx(3.0, rel=0.1)
+
+
+def test_an_encoder_that_is_far_louder_than_its_file_says_is_a_gap(noisy):
+    assert levels(*noisy, None)["axis.position"] == LOUDEST["position"]
 
 
 def test_a_run_is_little_louder_than_its_healthy_reference(noisy):
     lively = dict.fromkeys(noisy[0].signals, Level(1.1, 1.1, 100.0))
-    assert levels(*noisy, lively)["axis.position"] == pytest.approx(1.1 * HEALTHY)
+    assert levels(*noisy, lively)["axis.force"] == pytest.approx(1.1 * HEALTHY)
 
 
 def test_a_reference_that_hardly_moved_tells_nothing_of_a_lively_run(noisy):

@@ -47,6 +47,8 @@ RARE: Final = 1.8
 """Times what the usual samples say, from which on differences of repeats are rare events and no noise."""
 LEVEL_RANGE: Final = (0.3, 3.0)
 """Times the noise model; more than that in the fastest part of a residual is gap."""
+LOUDEST: Final = {"position": 1.4, "velocity": 1.4}
+"""The same for sensors of motion, whose steps and noise are known: on healthy rigs they are below 1.3."""
 LOUDER: Final = 1.1
 """Times all that is left, that its noise may have by the model: weights and chance make that much."""
 COMMON: Final = 0.98
@@ -316,7 +318,7 @@ def _as_loud(
         left = residual[x.part][kept]
         a, b = late[:, x.part][:, kept], sensed[:, x.part][:, kept]
         lively = float(np.sqrt(_loud(a) / max(_loud(b), 1e-300)))
-        most = (LEVEL_RANGE[1], LEVEL_RANGE[1])
+        most = (LOUDEST.get(x.quantity, LEVEL_RANGE[1]), LEVEL_RANGE[1])
         usual = healthy.get(x.signal)
         if usual is not None:
             as_lively = usual.lively > AS_LIVELY * lively
@@ -345,12 +347,12 @@ def _level(
     s, t = 1.0, 1.0
     for _ in range(6):
         size = np.abs(np.diff(t * late + s * sensed, 2, axis=1))
-        s = float(np.clip(s * _times(fine, size, calm), LEVEL_RANGE[0], most[0]))
+        s = float(np.clip(s * _times(fine, size, calm), *LEVEL_RANGE))
         size = np.abs(np.diff(t * late + s * sensed, 2, axis=1))
-        t = float(np.clip(t * _times(fine, size, lively), 1.0, max(most[1], 1.0)))
+        t = float(np.clip(t * _times(fine, size, lively), 1.0, LEVEL_RANGE[1]))
         room = LOUDER**2 * _loud(left) - s**2 * _loud(sensed)
         t = min(t, float(np.sqrt(max(room, 0.0) / max(_loud(late), 1e-300))))
-    return s, t
+    return min(s, most[0]), min(t, max(most[1], 1.0))
 
 
 def _times(fine: Array, size: Array, some: NDArray[np.bool_]) -> float:
