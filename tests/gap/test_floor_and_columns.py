@@ -6,10 +6,12 @@ import pytest
 
 from hil.configfile import load_rig
 from hil.gap.bank import fill_bank
+from hil.gap.differences import RARE, times_louder
 from hil.gap.draws import sensor_sigma
 from hil.gap.leaves import find_leaves
 from hil.gap.locate import locate
-from hil.gap.noise import HEALTHY, LOUDEST, RARE, Level, _factor, _level, find_noise
+from hil.gap.loudness import HEALTHY, LOUDEST, Level, level_of
+from hil.gap.noise import find_noise
 from hil.gap.problem import Problem
 from hil.gap.runs import as_runs
 from hil.identify.replay import Stretch, stretches
@@ -81,10 +83,10 @@ def test_frames_that_some_repeats_lost_make_noise_little_louder():
     rng = np.random.default_rng(3)
     modelled, spread = rng.standard_normal((6, 4000)), np.ones(4000)
     measured = 1.2 * rng.standard_normal(4000)
-    assert _factor(measured, modelled, spread) == pytest.approx(1.2, rel=0.05)
+    assert times_louder(measured, modelled, spread) == pytest.approx(1.2, rel=0.05)
     measured[::25] *= 20.0
     assert np.std(measured) > 4.0
-    assert 1.2 < _factor(measured, modelled, spread) < 1.2 * RARE
+    assert 1.2 < times_louder(measured, modelled, spread) < 1.2 * RARE
 
 
 def test_how_loud_sensors_and_timing_are_is_told_apart():
@@ -92,9 +94,9 @@ def test_how_loud_sensors_and_timing_are_is_told_apart():
     feels = np.where(np.arange(3000) % 10 < 4, 5.0, 0.01)
     late, sensed = feels * rng.standard_normal((6, 3000)), rng.standard_normal((6, 3000))
     left = 1.5 * feels * rng.standard_normal(3000) + 2.0 * rng.standard_normal(3000)
-    assert _level(left, late, sensed, (3.0, 3.0)) == pytest.approx((2.0, 1.5), rel=0.2)
-    assert _level(left, late, sensed, (1.4, 3.0))[0] == 1.4
-    assert _level(0.2 * late[0], late, sensed, (3.0, 3.0))[1] < 0.3
+    assert level_of(left, late, sensed, (3.0, 3.0)) == pytest.approx((2.0, 1.5), rel=0.2)
+    assert level_of(left, late, sensed, (1.4, 3.0))[0] == 1.4
+    assert level_of(0.2 * late[0], late, sensed, (3.0, 3.0))[1] < 0.3
 
 
 def test_what_differs_wildly_between_repeats_is_no_noise():

@@ -1,10 +1,9 @@
 """The noise floor: what a residual would be with no gap at all, and how to weigh residuals by it.
 
-Two sources, and the model says which it used. Repeats: where the same motion was played again (periods of
-an experiment, or runs that repeat each other), half the difference of the residuals of two repeats is
-noise and nothing else, whatever its cause. Otherwise a noise model: records drawn from the twin itself
-with the rig file's sensors and bus (`hil.gap.draws`). How well setpoint stamps tell the drives' ticks is
-not in a rig file; it is read from the fine structure of the residual, bounded by what the bus can do.
+Records drawn from the twin itself with the rig file's sensors and bus (`hil.gap.draws`), brought to the
+level of the record's own fine structure (`hil.gap.loudness`), and, where the same motion was played again
+(periods of an experiment, or runs that repeat each other), to what repeats differ by
+(`hil.gap.differences`). The model says which it used.
 
 Residuals are whitened by the spread that the draws have at each instant (timing noise grows with speed
 and acceleration) and by the inverse of the draws' own autoregression: the floor's, never the gap's.
@@ -12,7 +11,6 @@ and acceleration) and by the inverse of the draws' own autoregression: the floor
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
@@ -23,58 +21,18 @@ from scipy.linalg import solve_toeplitz
 from scipy.ndimage import median_filter
 from scipy.signal import lfilter
 
+from hil.gap.differences import SPIKE, USUAL, by_repeats
 from hil.gap.draws import draws, longest_wait_s, sensor_sigma
+from hil.gap.loudness import Level, as_loud
 from hil.gap.problem import Problem
 from hil.gap.repeats import Repeats
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 DRAWS: Final = 6
 SHIFT_S: Final = 1e-4
 ORDER: Final = 6
-SPIKE: Final = 4.0
-"""Typical spreads by which a residual may leave its neighbours: a frame that missed a tick kicks harder."""
 NEIGHBOURS: Final = 5
-USUAL: Final = 0.8
-"""Share of the samples, the quieter ones, that tell a gap from many frames that came at the wrong tick."""
-UNSTEADY: Final = 3.0
-"""Times the model that noise may have by repeats and by the record's level at most: on healthy rigs of two
-worlds that is below 2 for forces and 3.1 for accelerometers; what else does not repeat is gap."""
-ALIKE: Final = 3.0
-"""Spreads of noise by which two repeats may be predicted to differ."""
-RARE: Final = 1.8
-"""Times what the usual samples say, from which on differences of repeats are rare events and no noise."""
-LEVEL_RANGE: Final = (0.3, 3.0)
-"""Times the noise model; more than that in the fastest part of a residual is gap."""
-LOUDEST: Final = {"position": 1.4, "velocity": 1.4}
-"""The same for sensors of motion, whose steps and noise are known: on healthy rigs they are below 1.3."""
-LOUDER: Final = 1.1
-"""Times all that is left, that its noise may have by the model: weights and chance make that much."""
-COMMON: Final = 0.98
-"""Share of the samples, the smaller ones, that tell how loud a record is; the rest are its spikes."""
-HEALTHY: Final = 1.25
-"""Times the level that a healthy reference has by the same model: a run is no noisier than that by itself."""
-CALM: Final = 0.4
-LIVELY: Final = 0.6
-"""Quantiles of how much samples feel time, below which they tell of sensors and above which of timing."""
-AS_LIVELY: Final = 0.5
-"""Of the run's part of timing in its noise, that a reference must have to tell the level of it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Level:
-    """How loud a record is beside the noise model: times the sensors' part, times timing's, and how large
-    timing's part is over the sensors'."""
-
-    sensed: float
-    late: float
-    lively: float
-
-    @property
-    def factor(self) -> float:
-        """Times the model, both parts together."""
-        return math.hypot(self.sensed, self.late * self.lively) / math.hypot(1.0, self.lively)
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,7 +219,7 @@ def find_noise(
     )
     levels: dict[str, Level] = {}
     if residual is not None:
-        drawn, levels = _as_loud(problem, late, sensed, residual, healthy or {})
+        drawn, levels = as_loud(problem, late, sensed, residual, healthy or {})
         factors = [x.factor for x in levels.values()] or [1.0]
         low, high = min(factors), max(factors)
         text += (
@@ -272,7 +230,7 @@ def find_noise(
         return replace(from_draws(problem, drawn, "model", text, timing), levels=levels)
     by_level = {s: level.factor for s, level in levels.items()}
     sigma = from_draws(problem, drawn, "model", text, timing).sigma
-    scaled, by_signal = _by_repeats(problem, drawn, repeats, residual, by_level, sigma)
+    scaled, by_signal = by_repeats(problem, drawn, repeats, residual, by_level, sigma)
     what = "; ".join(dict.fromkeys(r.text for r in repeats))
     low, high = min(by_signal.values()), max(by_signal.values())
     text = (
@@ -295,139 +253,6 @@ def time_sensitivity(problem: Problem, vector: Array) -> Array:
         answer = problem.answers(row)[0]
         changes.append(np.where(np.isfinite(answer), answer - base, 0.0) / SHIFT_S)
     return np.asarray(np.hypot(*changes))
-
-
-def _as_loud(
-    problem: Problem,
-    late: Array,
-    sensed: Array,
-    residual: Array,
-    healthy: Mapping[str, Level],
-) -> tuple[Array, dict[str, Level]]:
-    """Draws of timing and sensors brought series by series to the level of a residual.
-
-    To the median size of its second differences, which leave out what is slow and what is rare: kicks at
-    reversals, lost frames. And never louder than the whole residual is, for that holds the noise: what the
-    bus may do to timing at most is often more than this bus does. Nor much louder than a healthy record.
-    """
-    out, levels = late + sensed, dict[str, Level]()
-    for x in problem.series:
-        kept = problem.kept[x.part]
-        if kept.sum() < 50:
-            continue
-        left = residual[x.part][kept]
-        a, b = late[:, x.part][:, kept], sensed[:, x.part][:, kept]
-        lively = float(np.sqrt(_loud(a) / max(_loud(b), 1e-300)))
-        most = (LOUDEST.get(x.quantity, LEVEL_RANGE[1]), LEVEL_RANGE[1])
-        usual = healthy.get(x.signal)
-        if usual is not None:
-            as_lively = usual.lively > AS_LIVELY * lively
-            most = (
-                min(most[0], HEALTHY * usual.sensed),
-                min(most[1], HEALTHY * usual.late) if as_lively else most[1],
-            )
-        of_sensors, of_timing = _level(left, a, b, most)
-        out[:, x.part] = of_timing * late[:, x.part] + of_sensors * sensed[:, x.part]
-        known = levels.get(x.signal, Level(0.0, 0.0, 0.0))
-        levels[x.signal] = Level(
-            max(of_sensors, known.sensed), max(of_timing, known.late), max(lively, known.lively)
-        )
-    return out, levels
-
-
-def _level(
-    left: Array, late: Array, sensed: Array, most: tuple[float, float]
-) -> tuple[float, float]:
-    """What draws of sensors and of timing (D, M) are multiplied by, `most` at most, to be as loud as `left`
-    (M,): the one by what hardly feels time, the other by what feels it. Timing is no quieter than the model,
-    for its kicks are rare, unless all of `left` is."""
-    felt = np.sqrt(np.mean(np.diff(late, 2, axis=1) ** 2, axis=0))
-    calm, lively = felt <= np.quantile(felt, CALM), felt > np.quantile(felt, LIVELY)
-    fine = np.abs(np.diff(left, 2))
-    s, t = 1.0, 1.0
-    for _ in range(6):
-        size = np.abs(np.diff(t * late + s * sensed, 2, axis=1))
-        s = float(np.clip(s * _times(fine, size, calm), *LEVEL_RANGE))
-        size = np.abs(np.diff(t * late + s * sensed, 2, axis=1))
-        t = float(np.clip(t * _times(fine, size, lively), 1.0, LEVEL_RANGE[1]))
-        room = LOUDER**2 * _loud(left) - s**2 * _loud(sensed)
-        t = min(t, float(np.sqrt(max(room, 0.0) / max(_loud(late), 1e-300))))
-    return min(s, most[0]), min(t, max(most[1], 1.0))
-
-
-def _times(fine: Array, size: Array, some: NDArray[np.bool_]) -> float:
-    """How many times larger the median of `fine` (M,) is than that of `size` (D, M) where `some` (M,)."""
-    if not some.any():
-        return 1.0
-    return float(np.median(fine[some])) / max(float(np.median(size[:, some])), 1e-300)
-
-
-def _loud(values: Array) -> float:
-    """Mean square of the smaller COMMON of `values`."""
-    size = np.sort(values.ravel() ** 2)
-    return float(np.mean(size[: max(int(COMMON * len(size)), 1)]))
-
-
-def _factor(measured: Array, modelled: Array, spread: Array) -> float:
-    """Times that differences of repeats (M,) are larger than `modelled` ones (D, M).
-
-    Where some are RARE beside the usual ones, for frames that one of two lost are no noise, both are cut at
-    SPIKE times their `spread` (M,), as spikes are everywhere.
-    """
-    usual, all_of_them = (
-        float(np.sqrt(_mean_square(measured, share) / max(_mean_square(modelled, share), 1e-300)))
-        for share in (USUAL, 1.0)
-    )
-    least = float(np.mean(np.clip(modelled, -SPIKE * spread, SPIKE * spread) ** 2))
-    factor = usual
-    for _ in range(2):
-        most = SPIKE * factor * spread
-        factor = float(np.sqrt(np.mean(np.clip(measured, -most, most) ** 2) / max(least, 1e-300)))
-    factor = min(factor, RARE * usual)
-    return factor if all_of_them > RARE * usual else max(factor, all_of_them)
-
-
-def _mean_square(values: Array, share: float) -> float:
-    """Of the smaller `share` of values."""
-    size = np.sort(values.ravel() ** 2)
-    return float(np.mean(size[: max(int(share * len(size)), 1)]))
-
-
-def _by_repeats(
-    problem: Problem,
-    drawn: Array,
-    repeats: Sequence[Repeats],
-    residual: Array,
-    by_level: Mapping[str, float],
-    sigma: Array,
-) -> tuple[Array, Mapping[str, float]]:
-    """Draws scaled signal by signal to what repeats differ by, where the twin says the same of them: what is
-    shaken into one of them is no noise. Up to UNSTEADY times the model, with what `by_level` did before."""
-    out = np.array(drawn)
-    factors = {}
-    predicted = problem.measured - residual
-    spread = np.sqrt(np.mean(drawn**2, axis=0))
-    for signal in problem.signals:
-        pairs = [_alike(*r.pairs[signal], predicted, spread) for r in repeats if signal in r.pairs]
-        if sum(len(first) for first, _ in pairs) < 50:
-            continue
-        measured = np.concatenate([residual[first] - residual[second] for first, second in pairs])
-        modelled = np.hstack([drawn[:, first] - drawn[:, second] for first, second in pairs])
-        both = np.concatenate([np.hypot(sigma[first], sigma[second]) for first, second in pairs])
-        most = UNSTEADY / max(by_level.get(signal, 1.0), 1.0)
-        factors[signal] = min(_factor(measured, modelled, both), most)
-        for x in problem.series:
-            if x.signal == signal:
-                out[:, x.part] *= factors[signal]
-    return out, factors
-
-
-def _alike(first: Index, second: Index, predicted: Array, spread: Array) -> tuple[Index, Index]:
-    """Those of paired samples that are predicted alike, as far as frames that never come at the very same
-    instants of a period allow; at least half of them."""
-    apart = np.abs(predicted[first] - predicted[second]) / spread[first]
-    same = apart <= max(ALIKE, float(np.median(apart)))
-    return first[same], second[same]
 
 
 def projected(model: NoiseModel, problem: Problem, jacobian: Array, prior_sd: Array) -> NoiseModel:

@@ -19,7 +19,8 @@ from hil.bicycle.sensors import IMU_SIGNALS, noise_of
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.twin import LEAN_TORQUE, RideTwin
-from hil.gap.noise import SPIKE, NoiseModel, autoregression, projected
+from hil.gap.differences import SPIKE
+from hil.gap.noise import NoiseModel, autoregression, projected
 from hil.gap.problem import Problem
 from hil.gap.result import Evidence
 from hil.rigs.bicycle import Packed, low_pass
