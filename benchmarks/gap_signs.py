@@ -7,9 +7,9 @@ One row a case: what it is and what was said; of the best candidate, right or wr
 gap that it explains (`hil.gap.doubt`: EXPLAINED, FEW), what it takes off unseen data (HOLDS, BORNE_OUT),
 how much of it varies (VARIES), its nats (`hil.gap.clear`: CLEAR, DECISIVE) and the floors of its trace
 (MATERIAL, STEADY); the largest signal in floors (`hil.gap.verdict`: LARGE), how loud the record is beside
-the noise model (`hil.gap.loudness`: LEVEL_RANGE, LOUDEST), and its lone samples (`hil.gap.shares`: WILD,
-STRUCK; 1 is a gap). Then their quantiles by kind of case. Rows are kept as they come and never made twice.
-Meant for tuning seeds, from 1000 on, never for an exam's.
+the noise model (`hil.gap.loudness`: LEVEL_RANGE, LOUDEST), and its lone samples (`hil.gap.events`: WILD,
+STRUCK, HELD; 1 is a gap). Then their quantiles by kind of case. Rows are kept as they come and never made
+twice. Meant for tuning seeds, from 1000 on, never for an exam's.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from hil.exam.paper import Paper
 from hil.gap import Diagnosis, diagnose
 from hil.gap.constancy import variation
 from hil.gap.doubt import explained_share
+from hil.gap.events import jumps
 from hil.gap.evidence import weigh
 from hil.gap.heldout import traces
-from hil.gap.shares import jumps
 from hil.gap.training import candidates_of
 
 SIGNS = ("share", "unseen", "varies", "nats", "trace", "floors", "loud", "lone")

@@ -122,7 +122,7 @@ def _directed_fits(
     something; by itself where no other friction may be named."""
     if set(without) >= FRICTION - {DIRECTED}:
         return [f for a in c.problem.rig.actuators for f in directed(c, fits[0], a.name)]
-    ranked = sorted(fits[1:], key=lambda f: f.cost(c.train) + f.prior_cost)
+    ranked = sorted(fits[1:], key=lambda f: f.total(c))
     if not ranked or most_left(c, ranked[0]) < LEFT:
         return []
     well = explained(c, fits[0], ranked[0])
@@ -138,7 +138,7 @@ def _peaked_fits(
     c: Calibrated, fits: Sequence[Fit], leaves: Sequence[Leaf], say: Report
 ) -> list[Fit]:
     """Friction with a peak at rest for plain friction, where friction is best and leaves something."""
-    ranked = sorted(fits, key=lambda f: f.cost(c.train) + f.prior_cost)
+    ranked = sorted(fits, key=lambda f: f.total(c))
     if not ranked or most_left(c, ranked[0]) < LEFT:
         return []
     rubs = {x.location for x in ranked[0].leaves if x.effect in FRICTION}

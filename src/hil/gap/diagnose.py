@@ -19,6 +19,7 @@ from hil.config import RigFile
 from hil.gap.calmer import calmed
 from hil.gap.candidates import fit_candidates
 from hil.gap.diagnosis import Diagnosis
+from hil.gap.events import jumps
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import frames_lost
 from hil.gap.heldout import split
@@ -28,7 +29,7 @@ from hil.gap.result import Located
 from hil.gap.rounding import coarse_steps, rounded
 from hil.gap.runs import as_runs
 from hil.gap.search import Search
-from hil.gap.shares import jumps, weighed_ratio
+from hil.gap.shares import weighed_ratio
 from hil.gap.training import begin, candidates_of
 from hil.gap.verdict import answer, no_gap, stands
 from hil.runs import Run

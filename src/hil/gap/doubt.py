@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from hil.gap.bank import Bank
-from hil.gap.clear import DECISIVE, EXPLAINED, other_than_steps
+from hil.gap.clear import DECISIVE, EXPLAINED, RELIEF, other_than_steps
 from hil.gap.constancy import Variation, variation
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.heldout import Score
@@ -67,9 +67,14 @@ class Told:
 def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
     """Share of the seen gap that a fit of `gain` nats explains; steps of a signal are no question.
 
-    From DECISIVE nats on what a fit leaves is a better measure of noise than a record's fastest part.
+    From DECISIVE nats on what a fit leaves is a better measure of noise than a record's fastest part. Where a
+    gap is hidden in nuisances, it is the share of what they had to go.
     """
-    return explained(c, none, f, is_sure=gain > DECISIVE) if other_than_steps(f) else 1.0
+    if not other_than_steps(f):
+        return 1.0
+    saved = none.prior_cost - f.prior_cost
+    hidden = saved / none.prior_cost if saved > RELIEF else 0.0
+    return max(hidden, explained(c, none, f, is_sure=gain > DECISIVE))
 
 
 def doubt(
@@ -94,7 +99,7 @@ def doubt(
     half = WAVE_VARIES if varies.leaf.effect in WAVES else left
     odds = (half / max(varies.share, 1e-9)) ** (1.0 / STEEP)
     uneven = OTHERWISE + (1.0 - OTHERWISE) / (1.0 + odds)
-    return max(other, uneven), varies if uneven > max(other, 0.5) else None
+    return max(other, uneven), varies if uneven > 0.5 else None
 
 
 def is_beyond(leaves: Sequence[Leaf], f: Fit) -> bool:

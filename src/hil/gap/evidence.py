@@ -19,15 +19,17 @@ from numpy.typing import NDArray
 from hil.gap.bank import ABSOLUTE
 from hil.gap.fit import Calibrated, Fit, loss, step_size
 from hil.gap.friction import nested
+from hil.gap.nature import EVENTS
+from hil.gap.shares import RARE, largest_ratio
 
 Array = NDArray[np.float64]
 
 TEMPER: Final = 2.0
-"""What evidence is divided by on top, for what no correlation shows [set on training cases]."""
+"""What evidence is divided by at least beside, for what no correlation shows [set on training cases]."""
 RELATIVE: Final = 0.003
 """Of all that the best candidate explains: two that differ by less are no further apart than two laws of one
 effect, and no number of samples changes that [set on training cases of two worlds]."""
-SIMPLER: Final = 1.0
+SIMPLER: Final = 0.5
 """Such units that each parameter which these data determine must earn: of two laws that explain alike the one
 with fewer is meant more often, whatever small ways of the rig the other's freedom follows [set on training
 cases of two worlds]."""
@@ -35,7 +37,7 @@ STUCK: Final = 6.0
 """Such units that a parameter at its bound costs: what wants more than any rig has is another effect."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
-UNUSED: Final = 0.015
+UNUSED: Final = 0.05
 """What a parameter costs at least, as a ratio: freedom that changes nothing is no reason to choose it."""
 TOLD: Final = 0.5
 """Of its range, within which data must hold a parameter to have determined it."""
@@ -74,14 +76,20 @@ class Temper:
         """By which an estimate from independent noise of spread 1 is too sure."""
         return self.spread**2 * self.samples
 
+    def counted(self, discount: float) -> float:
+        """Samples that count as one: those that hang together, or the discount that fits know."""
+        return max(discount, TEMPER * self.samples)
+
 
 def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     """Every fit with its probability among them, best first; and what the variance of parameters is times."""
-    best = min(fits, key=lambda f: f.cost(c.train) + f.prior_cost)
+    best = min(fits, key=lambda f: f.total(c))
     tempers = temper(c, best)
     worth = float(np.mean([t.variance for t in tempers.values()]))
+    loose = float(np.mean([t.spread**2 * t.counted(c.problem.discount) for t in tempers.values()]))
     likely = np.array([log_likelihood(c, f, tempers) for f in fits])
-    freedom = np.array([log_freedom(c, f, worth) for f in fits])
+    likely += [_as_events(c, f, fits, tempers) for f in fits]
+    freedom = np.array([log_freedom(c, f, loose) for f in fits])
     # Which of two that answer alike has the more usual size is no evidence: they share what freedom costs.
     order = np.argsort(-(likely + freedom))
     group = np.empty(len(fits), dtype=int)
@@ -95,7 +103,7 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     logs = likely + np.array(shared)
     real = np.array([bool(f.leaves) for f in fits])
     unit = max(1.0, RELATIVE * float(logs.max() - logs[~real].max()))
-    told = np.array([np.sum(_felt(c, f, worth) < TOLD) for f in fits])
+    told = np.array([np.sum(_felt(c, f, loose) < TOLD) for f in fits])
     ends = np.array([len(f.at_bound) for f in fits])
     worth_of = logs / unit - SIMPLER * told - STUCK * ends
     for g in set(group[real].tolist()):
@@ -153,17 +161,39 @@ def log_likelihood(c: Calibrated, f: Fit, tempers: Mapping[str, Temper]) -> floa
 
     Student's distribution is as wide as what the best fit leaves: a narrower one would take all for wild.
     """
+    discount = c.problem.discount
+    extra = f.extra_cost * min(TEMPER / discount, 1.0)
+    return -_data(c, f, tempers, discount) - f.prior_cost - extra
+
+
+def _data(c: Calibrated, f: Fit, tempers: Mapping[str, Temper], discount: float) -> float:
     data = 0.0
     for x in c.problem.series:
         t = tempers[x.signal]
         rows = c.train[x.part]
-        data += float(np.sum(loss(f.white[x.part][rows] / t.spread))) / t.samples
-    return -data / TEMPER - f.prior_cost - f.extra_cost
+        data += float(np.sum(loss(f.white[x.part][rows] / t.spread))) / t.counted(discount)
+    return data
 
 
-def log_freedom(c: Calibrated, f: Fit, worth: float) -> float:
+def _as_events(c: Calibrated, f: Fit, fits: Sequence[Fit], tempers: Mapping[str, Temper]) -> float:
+    """Nats that a fit has beside `log_likelihood` where EVENTS of it explain what stands in few samples.
+
+    Many samples count as one for the small ways in which a twin is wrong: those are in all of them.
+    """
+    others = [leaf for leaf in f.leaves if leaf.effect not in EVENTS]
+    base = next((g for g in fits if list(g.leaves) == others), None)
+    if len(others) == len(f.leaves) or base is None or largest_ratio(c, base) > RARE:
+        return 0.0
+    part, full = (
+        _data(c, base, tempers, by) - _data(c, f, tempers, by) for by in (c.problem.discount, 0.0)
+    )
+    extra = f.extra_cost - base.extra_cost
+    return max((full - extra) - (part - extra * min(TEMPER / c.problem.discount, 1.0)), 0.0)
+
+
+def log_freedom(c: Calibrated, f: Fit, loose: float) -> float:
     """Nats that the freedom of a fit's parameters and of further effects costs."""
-    total = float(np.sum(np.log(np.clip(_felt(c, f, worth), 1e-12, UNUSED))))
+    total = float(np.sum(np.log(np.clip(_felt(c, f, loose), 1e-12, UNUSED))))
     for name, value in zip(f.names, f.values.tolist(), strict=True):
         p = c.problem.table[name]
         at = p.to_search(value)
@@ -173,9 +203,12 @@ def log_freedom(c: Calibrated, f: Fit, worth: float) -> float:
     return total - MORE * max(len(f.leaves) - 1, 0)
 
 
-def _felt(c: Calibrated, f: Fit, worth: float) -> Array:
-    """Of each parameter, the width that data leave it over the range that it had."""
-    spread = np.sqrt(2.0 * np.pi) * f.search_sd * np.sqrt(TEMPER * worth)
+def _felt(c: Calibrated, f: Fit, loose: float) -> Array:
+    """Of each parameter, the width that data leave it over the range that it had.
+
+    Its variance is `loose` times that of independent noise.
+    """
+    spread = np.sqrt(2.0 * np.pi) * f.search_sd * np.sqrt(loose)
     entries = [c.problem.table[name] for name in f.names]
     free = [
         RANGE * step_size(p, p.to_search(v))

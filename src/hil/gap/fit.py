@@ -80,6 +80,10 @@ class Fit:
         """Robust half sum of squares over `train` samples."""
         return float(np.sum(loss(self.white[train])))
 
+    def total(self, c: Calibrated) -> float:
+        """What is minimised: that, and what the nuisances' priors cost beside so many samples."""
+        return self.cost(c.train) + c.problem.discount * self.prior_cost
+
     @property
     def prior_cost(self) -> float:
         """What the nuisances' priors cost."""
@@ -155,7 +159,8 @@ def fit(
         B = sensitivities(c, vector, answer, names)
         J = np.hstack([A, B[c.train] * scale])
         here = np.concatenate([z, x / scale])
-        ridge = np.concatenate([np.ones(len(held)), np.full(len(x), 1.0 / WEAK)])
+        stiff = np.full(len(held), np.sqrt(c.problem.discount))
+        ridge = np.concatenate([stiff, np.full(len(x), 1.0 / WEAK)])
         new, information = _robust_step(
             J, white[c.train], here, ridge,
             lower / _units(held, scale), upper / _units(held, scale), spread,
@@ -302,7 +307,8 @@ def step_size(p: Parameter, x: float) -> float:
 
 
 def _total(c: Calibrated, white: Array, z: Array, spread: float) -> float:
-    return float(spread**2 * np.sum(loss(white[c.train] / spread)) + 0.5 * z @ z)
+    held = 0.5 * c.problem.discount * z @ z
+    return float(spread**2 * np.sum(loss(white[c.train] / spread)) + held)
 
 
 def _at(

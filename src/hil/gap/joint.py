@@ -113,7 +113,7 @@ def _unlike(c: Calibrated, ranked: Sequence[Fit]) -> list[Fit]:
 
 
 def _cost(c: Calibrated, f: Fit) -> float:
-    return f.cost(c.train) + f.prior_cost + f.extra_cost
+    return f.total(c) + f.extra_cost
 
 
 def _swapped(

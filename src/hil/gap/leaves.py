@@ -25,6 +25,8 @@ Changes = Mapping[str, float]
 
 SATURATED: Final = (1.0, 0.92, 1.06, 1.13)
 """Times the largest force or speed that the record itself has, where limits are looked for."""
+FASTEST: Final = 3
+"""Largest but two: a single wrong answer, which is in two differences, is no speed."""
 REACHED: Final = 0.995
 """Of what the twin needs: a rig that reached as much was not limited."""
 GAPS_M: Final = (
@@ -148,10 +150,10 @@ def _actuator(
     for limit, most in (("force_saturation", force_n), ("velocity_saturation", speed)):
         top = table[f"{name}.{limit}.limit"].upper
         reached = _reached(problem, name, limit)
-        if reached is None or reached > REACHED * most:
+        if not reached or max(reached) > REACHED * most:
             continue
         starts: list[tuple[Changes, ...]] = [
-            ({}, {"limit": s * reached}) for s in SATURATED if 0.0 < s * reached < top
+            ({}, {"limit": s * r}) for r in reached for s in SATURATED if 0.0 < s * r < top
         ]
         if starts:
             out.append(leaf(limit, "limit", starts))
@@ -192,11 +194,13 @@ def _waves(amplitude: float) -> tuple[Changes, Changes]:
     )
 
 
-def _reached(problem: Problem, actuator: str, limit: str) -> float | None:
-    """Largest force or speed in the record, short of single samples; None where it has no such signal."""
+def _reached(problem: Problem, actuator: str, limit: str) -> tuple[float, ...]:
+    """Largest force or speed in the record, short of few samples; of speed, which no frame's kick makes, the
+    largest of all as well. None of either where it has no such signal."""
     quantity = "force" if limit == "force_saturation" else "position"
     a = next(a for a in problem.rig.actuators if a.name == actuator)
-    out = []
+    out: list[float] = []
+    tops: list[float] = []
     for x in problem.series:
         if x.actuator != actuator:
             continue
@@ -205,8 +209,10 @@ def _reached(problem: Problem, actuator: str, limit: str) -> float | None:
             unit = 1.0 if x.quantity == "force" else (a.force_per_ampere or 1.0)
             out.append(float(np.quantile(np.abs(v * unit), 0.995)))
         elif x.quantity == quantity and len(t) > 10:
-            out.append(float(np.quantile(np.abs((v[4:] - v[:-4]) / (t[4:] - t[:-4])), 0.995)))
-    return max(out) if out else None
+            speed = np.abs((v[4:] - v[:-4]) / (t[4:] - t[:-4]))
+            out.append(float(np.quantile(speed, 0.995)))
+            tops.append(float(np.sort(speed)[-FASTEST]))
+    return tuple(max(values) for values in (out, tops) if values)
 
 
 def _sensor(signal: str, problem: Problem, actuator: str | None) -> list[Leaf]:

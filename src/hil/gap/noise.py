@@ -264,6 +264,7 @@ def projected(model: NoiseModel, problem: Problem, jacobian: Array, prior_sd: Ar
         return model
     J = model.whiten(problem, jacobian) * prior_sd
     white = model.whiten(problem, model.draws.T)
-    step = np.linalg.solve(J.T @ J + np.eye(J.shape[1]), J.T @ white)
+    held = problem.discount * np.eye(J.shape[1])
+    step = np.linalg.solve(J.T @ J + held, J.T @ white)
     step = np.clip(step, -3.0, 3.0)
     return replace(model, draws=model.draws - (jacobian * prior_sd @ step).T)

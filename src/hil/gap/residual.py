@@ -2,7 +2,8 @@
 
 What a calibration would remove is removed before anything is called a gap, and no more than a calibration
 would: nuisances stay within their bounds. Gauss-Newton on difference sensitivities; residuals beyond
-HUBER count linearly, so that a gap that is there does not drag the nuisances along.
+HUBER count linearly, so that a gap that is there does not drag the nuisances along; and so many samples
+count as one (`Problem.discount`) that nuisances do not follow the small ways in which any twin is wrong.
 """
 
 from __future__ import annotations
@@ -88,15 +89,21 @@ def refit(
     fresh = given is None
     J = given if given is not None else problem.jacobian(names, vector, problem.measured - residual)
     information = np.eye(len(z))
+
+    def cost_of(residual: Array, z: Array) -> float:
+        return _cost(noise.whiten(problem, residual), z, problem.discount)
+
     for _ in range(ROUNDS):
         white = noise.whiten(problem, residual)
-        target, information = _step(noise.whiten(problem, J) * sd, white, z, lower, upper)
+        target, information = _step(
+            noise.whiten(problem, J) * sd, white, z, lower, upper, problem.discount
+        )
         moved = 0.0
         for share in (1.0, 0.5, 0.25):
             new = z + share * (target - z)
             trial = _moved(problem, nuisances, vector, sd * (new - z))
             left = problem.residual(trial)
-            if _cost(noise.whiten(problem, left), new) < _cost(white, z):
+            if cost_of(left, new) < cost_of(residual, z):
                 moved = float(np.max(np.abs(new - z)))
                 vector, residual, z = trial, left, new
                 break
@@ -121,7 +128,9 @@ def _moved(problem: Problem, nuisances: Sequence[Nuisance], vector: Array, steps
     return out
 
 
-def _step(J: Array, white: Array, z: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+def _step(
+    J: Array, white: Array, z: Array, lower: Array, upper: Array, discount: float
+) -> tuple[Array, Array]:
     """Where the linear problem has its bounded robust minimum, and its information matrix there."""
     new = np.array(z)
     information = np.eye(len(z))
@@ -129,15 +138,15 @@ def _step(J: Array, white: Array, z: Array, lower: Array, upper: Array) -> tuple
         left = np.abs(white - J @ (new - z))
         weight = np.minimum(1.0, HUBER / np.maximum(left, 1e-12))
         weighted = J * weight[:, None]
-        information = weighted.T @ J + np.eye(len(z))
-        gradient = weighted.T @ (white + J @ z)
+        information = weighted.T @ J / discount + np.eye(len(z))
+        gradient = weighted.T @ (white + J @ z) / discount
         root = np.linalg.cholesky(information)
         aim = np.linalg.solve(root, gradient)
         new = np.asarray(lsq_linear(root.T, aim, (lower, upper), method="bvls").x)
     return new, information
 
 
-def _cost(white: Array, z: Array) -> float:
+def _cost(white: Array, z: Array, discount: float) -> float:
     size = np.abs(white)
     huber = np.where(size <= HUBER, 0.5 * size**2, HUBER * (size - 0.5 * HUBER))
-    return float(np.sum(huber) + 0.5 * z @ z)
+    return float(np.sum(huber) / discount + 0.5 * z @ z)

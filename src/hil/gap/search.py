@@ -48,6 +48,10 @@ class Proposal:
     """(K,) nuisances that go with it."""
 
 
+_Found = tuple[Proposal, Array, Array]
+"""A proposal, how far the nuisances (K,) go without it, and what each of its columns takes of that (K, P)."""
+
+
 class Search:
     """The bank of a calibrated problem as inner products."""
 
@@ -72,14 +76,17 @@ class Search:
         inner = (T.T @ r.astype(np.float32)).astype(float)
         cross = (A.T.astype(np.float32) @ T).astype(float)
         self._z = c.z
+        self._held = c.problem.discount
+        self._inner, self._cross, self._raw = inner, cross, raw
+        self._own = (A.T @ A, A.T @ r)
         free = np.abs(c.z) < LIMIT - 1e-3
         # Nuisances at their bounds would go on outwards, or come back once an effect is there: both are seen.
         self._pictures: list[tuple[Array, Array, Array]] = []
         for some in (free, np.ones_like(free)) if not free.all() else (free,):
             part = A[:, some]
-            H = part.T @ part + np.eye(part.shape[1])
+            H = part.T @ part + self._held * np.eye(part.shape[1])
             AT = cross[some]
-            S = np.linalg.solve(H, np.column_stack([AT, part.T @ r - c.z[some]]))
+            S = np.linalg.solve(H, np.column_stack([AT, part.T @ r - self._held * c.z[some]]))
             moves = np.zeros((len(free), S.shape[1]))
             moves[some] = S
             self._pictures.append((raw - AT.T @ S[:, :-1], inner - AT.T @ S[:, -1], moves))
@@ -116,7 +123,7 @@ class Search:
         robustly, for an impact that comes a little early is worse than none in squares and still the right
         idea.
         """
-        found: list[tuple[Proposal, Array]] = []
+        found: list[_Found] = []
         options = only or [range(len(self.bank.places[k])) for k in leaves]
         for starts in itertools.product(*options):
             columns = [self.bank.places[k][s] for k, s in zip(leaves, starts, strict=True)]
@@ -129,24 +136,57 @@ class Search:
                 ends = np.cumsum([len(c) for c in columns])[:-1]
                 for a in (best, np.ones(1)) if self._is_finite(leaves) else (best,):
                     parts = tuple(zip(starts, np.split(a, ends), strict=True))
-                    z = np.clip(self._z + moves[:, -1] - moves[:, index] @ a, -LIMIT, LIMIT)
-                    found.append((Proposal(leaves, parts, gain, z), moves))
+                    found.append(self._found(Proposal(leaves, parts, gain, self._z), moves, index))
         found.sort(key=lambda x: -x[0].gain)
         few = found[: MANY if self._is_finite(leaves) else FEW]
-        real = [(replace(p, gain=self._worth(p)), moves) for p, moves in few]
+        real = [(replace(p, gain=self._worth(p)), shift, drag) for p, shift, drag in few]
         if not real:
             return None
-        chosen, moves = max(real, key=lambda x: x[0].gain)
-        return chosen if self._is_finite(leaves) else self._robust(chosen, moves)
+        real.sort(key=lambda x: -x[0].gain)
+        real += [self._within(p) for p, *_ in real[:FEW] if np.any(np.abs(p.z) >= LIMIT)]
+        chosen = max(real, key=lambda x: x[0].gain)
+        return chosen[0] if self._is_finite(leaves) else self._robust(*chosen)
 
-    def _robust(self, p: Proposal, moves: Array) -> Proposal:
-        """`p` with the amplitudes that the robust loss wants, nuisances along with them, if that is better:
-        a few wild samples make those of squares far too small."""
-        index = [
+    def _found(self, p: Proposal, moves: Array, index: Sequence[int]) -> _Found:
+        """`p` with the nuisances that go with it, cut at their bounds."""
+        shift, drag = moves[:, -1], moves[:, index]
+        a = np.concatenate([a for _, a in p.starts])
+        return replace(p, z=np.clip(self._z + shift - drag @ a, -LIMIT, LIMIT)), shift, drag
+
+    def _within(self, p: Proposal) -> _Found:
+        """`p` anew with nuisances that keep their bounds, which amplitudes then know of."""
+        index = self._index(p)
+        AA, Ar = self._own
+        n = len(AA)
+        H = np.block(
+            [[AA + self._held * np.eye(n), self._cross[:, index]],
+             [self._cross[:, index].T, self._raw[np.ix_(index, index)]]]
+        )  # fmt: skip
+        g = np.concatenate([Ar - self._held * self._z, self._inner[index]])
+        size = np.sqrt(np.maximum(np.diag(H), 1e-12))
+        lower, upper = self._bounds(p.leaves, [len(a) for _, a in p.starts])
+        low = np.concatenate([-LIMIT - self._z, lower]) * size
+        high = np.concatenate([LIMIT - self._z, upper]) * size
+        root = _root(H / np.outer(size, size) + RIDGE * np.eye(len(H)))
+        aim = np.linalg.solve(root, g / size)
+        x = lsq_linear(root.T, aim, (low, high), method="bvls").x / size
+        ends = np.cumsum([len(a) for _, a in p.starts])[:-1]
+        parts = zip([s for s, _ in p.starts], np.split(x[n:], ends), strict=True)
+        new = replace(p, starts=tuple(parts), z=self._z + x[:n])
+        return replace(new, gain=self._worth(new)), x[:n], np.zeros((n, len(index)))
+
+    def _index(self, p: Proposal) -> list[int]:
+        """Columns of a proposal."""
+        return [
             i for k, (s, _) in zip(p.leaves, p.starts, strict=True) for i in self.bank.places[k][s]
         ]
-        T = self._T[:, index].astype(float) - self._A @ moves[:, index]
-        rest = self._white - self._A @ moves[:, -1]
+
+    def _robust(self, p: Proposal, shift: Array, drag: Array) -> Proposal:
+        """`p` with the amplitudes that the robust loss wants, nuisances along with them, if that is better:
+        a few wild samples make those of squares far too small."""
+        index = self._index(p)
+        T = self._T[:, index].astype(float) - self._A @ drag
+        rest = self._white - self._A @ shift
         lower, upper = self._bounds(p.leaves, [len(a) for _, a in p.starts])
         a = np.concatenate([a for _, a in p.starts])
         for _ in range(ROBUST):
@@ -154,7 +194,7 @@ class Search:
             D = T * weight(left)[:, None]
             ridge = RIDGE * np.diag(self.raw[index] + 1e-12)
             a = np.clip(np.linalg.solve(D.T @ T + ridge, D.T @ rest), lower, upper)
-        z = np.clip(self._z + moves[:, -1] - moves[:, index] @ a, -LIMIT, LIMIT)
+        z = np.clip(self._z + shift - drag @ a, -LIMIT, LIMIT)
         ends = np.cumsum([len(x) for _, x in p.starts])[:-1]
         starts = tuple((s, x) for (s, _), x in zip(p.starts, np.split(a, ends), strict=True))
         new = Proposal(p.leaves, starts, 0.0, z)
@@ -172,7 +212,8 @@ class Search:
             change += self._T[:, list(self.bank.places[k][s])].astype(float) @ a
         spread = self._spread
         before, after = loss(self._white / spread), loss((self._white - change) / spread)
-        return float(spread**2 * np.sum(before - after) + 0.5 * (self._z @ self._z - p.z @ p.z))
+        held = 0.5 * self._held * (self._z @ self._z - p.z @ p.z)
+        return float(spread**2 * np.sum(before - after) + held)
 
     def _bounds(self, leaves: Sequence[int], counts: Sequence[int]) -> tuple[Array, Array]:
         """What each effect allows of the amplitudes of its `counts` columns."""

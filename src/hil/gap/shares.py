@@ -6,74 +6,14 @@ from collections.abc import Collection
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from hil.gap.fit import Calibrated, Fit, loss
-from hil.gap.noise import time_sensitivity
 from hil.gap.result import Located
 
 FAINT: Final = 0.3
 """Squared floors of energy above the floor that are too few to speak of."""
 RARE: Final = 1.35
 """Floors of the usual residual up to which a gap is one of rare events."""
-WILD: Final = {"position": 3.0, "accel": 4.5}
-"""Floors of a signal, lone samples and all, that are a gap alone: healthy rigs of three worlds stay below 1.2
-and 3.1, for late frames are felt by accelerometers as well."""
-STRUCK: Final = {"position": 10.0, "force": 100.0, "current": 100.0}
-"""Spreads that a lone sample must have to be a gap alone, what a frame that is LATE does among them: healthy
-rigs of two worlds stay below 4 and 84."""
-LATE: Final = 0.2
-"""Of a cycle."""
-NEAR: Final = 9
-"""Samples about one, of which the one that feels time most tells how late frames kick."""
-
-
-def jumps(located: Located) -> tuple[str | None, float]:
-    """The signal whose lone samples stand out most, and how far, in what is a gap alone (WILD, STRUCK).
-
-    An encoder's answers do not jump by themselves, and nothing in the noise strikes an accelerometer. Forces
-    are asked for single blows only: a frame that reaches its drive a tick late kicks harder than much of what
-    is a gap, but no harder than a frame can be late.
-    """
-    problem = located.evidence.problem
-    shocks = _shocks(located)
-    worst, most = None, 0.0
-    for signal in problem.signals:
-        quantity = next(x.quantity for x in problem.series if x.signal == signal)
-        times = max(
-            _wild(located, signal) / WILD.get(quantity, np.inf),
-            shocks.get(signal, 0.0) / STRUCK.get(quantity, np.inf),
-        )
-        if times > most:
-            worst, most = signal, times
-    return worst, most
-
-
-def _wild(located: Located, signal: str) -> float:
-    """Root mean square of a signal's residual, lone samples and all, in what noise is."""
-    e = located.evidence
-    parts = [x.part for x in e.problem.series if x.signal == signal]
-    kept = np.concatenate([e.problem.kept[p] for p in parts])
-    left = np.concatenate([e.residual[p] / e.noise.sigma[p] for p in parts])[kept]
-    drawn = np.hstack([e.noise.draws[:, p] / e.noise.sigma[p] for p in parts])[:, kept]
-    usual = max(float(np.sqrt(np.mean(drawn**2))), 1.0) if drawn.size else 1.0
-    return float(np.sqrt(np.mean(left**2))) / usual if len(left) else 0.0
-
-
-def _shocks(located: Located) -> dict[str, float]:
-    """By signal of a drive, its largest lone sample over its noise and what late frames do to it."""
-    e = located.evidence
-    parts = [x for x in e.problem.series if x.quantity in STRUCK]
-    if not parts:
-        return {}
-    late = LATE * e.problem.rig.bus.cycle * np.abs(time_sensitivity(e.problem, e.vector))
-    out: dict[str, float] = {}
-    for x in parts:
-        near = maximum_filter1d(late[x.part], NEAR)
-        size = np.abs(e.residual[x.part]) / (e.noise.sigma[x.part] + near)
-        largest = float(np.max(size[e.problem.kept[x.part]], initial=0.0))
-        out[x.signal] = max(out.get(x.signal, 0.0), largest)
-    return out
 
 
 def weighed_ratio(located: Located) -> float:

@@ -15,6 +15,7 @@ from hil.gap.clear import clear, signals
 from hil.gap.constancy import Variation
 from hil.gap.diagnosis import Cause, Diagnosis, Verdict
 from hil.gap.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share
+from hil.gap.events import jumps
 from hil.gap.evidence import weigh
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
@@ -22,7 +23,7 @@ from hil.gap.heldout import Score
 from hil.gap.locate import RATIO
 from hil.gap.result import Located, SignalGap
 from hil.gap.rounding import EFFECT as ROUNDED
-from hil.gap.shares import jumps, largest_ratio
+from hil.gap.shares import largest_ratio
 
 Array = NDArray[np.float64]
 
@@ -55,13 +56,13 @@ def _nothing_like_it(located: Located, held_out: str) -> Diagnosis:
 
 
 def _small(located: Located, held_out: str) -> Diagnosis:
-    """Nothing to explain, or a signal with lone samples that nothing in the catalogue makes."""
+    """Nothing to explain, or a rare event that nothing in the catalogue makes."""
     signal, times = jumps(located)
     if signal is None or times <= 1.0:
         return no_gap(located, held_out)
     sentence = (
-        f"A gap that nothing in the catalogue explains: samples of {signal} jump away from their neighbours "
-        "far more than its noise does."
+        f"A gap that nothing in the catalogue explains: for a moment {signal} stands further from the twin "
+        "than noise or a late frame ever puts it."
     )
     return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)
 
@@ -93,13 +94,13 @@ def answer(
         found = replace(no_gap(located, held_out), sentence=sentence)
         return replace(found, not_excited=not_excited(c, bank))
     share = explained_share(c, none, first, gain)
-    if by_share(share, gain) > 0.5 and not is_large:
-        return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     rng = np.random.default_rng(seed + 2)
     shown = Shown(located, none, held, rng)
     part = shown.score(first, signals(c, none, first))
     whole = shown.score(first, c.problem.signals)
     unknown, varies = doubt(c, none, first, Told(share, gain, part), bank, worth)
+    if unknown > 0.5 and by_share(share, gain) > 0.5 and not is_large:
+        return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     is_plain = all(leaf.effect in (LOST, ROUNDED) for leaf in first.leaves)
     is_seen = varies is not None and part.before > RATIO
     if not (is_large or is_seen or is_plain) and _is_faint(part):

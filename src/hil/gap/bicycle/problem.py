@@ -108,6 +108,11 @@ class RideProblem(Problem):
         """A bicycle has none."""
         return ()
 
+    @property
+    def discount(self) -> float:
+        """1: what a bicycle's model gets wrong is in the noise of its rides."""
+        return 1.0
+
     def on(self, pieces: Any, clocks: Any) -> RideProblem:
         """The same questions of other rides."""
         del clocks  # drives have them

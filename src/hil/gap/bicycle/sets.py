@@ -120,4 +120,4 @@ def _key(f: Fit) -> frozenset[str]:
 
 
 def _cost_on(c: Calibrated) -> Callable[[Fit], float]:
-    return lambda f: f.cost(c.train) + f.prior_cost
+    return lambda f: f.total(c)
