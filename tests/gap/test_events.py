@@ -1,0 +1,63 @@
+"""Events of a few samples: what no frame that comes late and no noise does is a gap."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.gap import diagnose
+from hil.gap.events import jumps
+from hil.gap.locate import locate
+from tests.gap.twin_runs import AXIS, effect, record
+
+
+@pytest.fixture
+def frame():
+    return record()
+
+
+def rows(frame, signal: str, start_s: float, count: int):
+    """Labels of `count` answers of a signal from `start_s` on."""
+    answered = frame.index[frame[signal].notna() & (frame["t"] >= start_s)]
+    return answered[:count]
+
+
+def test_a_healthy_record_has_no_event(frame):
+    assert jumps(locate(frame, AXIS))[1] < 0.6
+
+
+def test_answers_on_end_off_to_one_side_are_a_gap_and_single_ones_are_late(frame):
+    off = 12.0 * AXIS.noise.position
+    scattered = rows(frame, "axis.position", 3.0, 90)[::30]
+    frame.loc[scattered, "axis.position"] += off
+    assert jumps(locate(frame, AXIS))[1] < 1.0
+    frame.loc[rows(frame, "axis.position", 7.0, 4), "axis.position"] += off
+    found = diagnose(frame, AXIS)
+    assert found.verdict == "unknown"
+    assert "axis.position" in found.sentence
+
+
+def test_a_start_that_sticks_is_a_gap(frame):
+    moved = float(frame["t"][frame["axis.setpoint"].abs() > 5e-4].iloc[0])
+    frame.loc[rows(frame, "axis.force", moved, 6), "axis.force"] += 60.0 * AXIS.noise.force
+    signal, times = jumps(locate(frame, AXIS))
+    assert signal == "axis.force"
+    assert times > 1.0
+
+
+def test_position_and_force_struck_at_once_are_a_gap_and_one_after_the_other_none(frame):
+    at = {"axis.position": 30.0 * AXIS.noise.position, "axis.force": 300.0 * AXIS.noise.force}
+    late = frame.copy()
+    for signal, size in at.items():
+        frame.loc[rows(frame, signal, 7.0, 1), signal] += size
+        late.loc[rows(frame, signal, 7.0 if signal == "axis.force" else 9.0, 1), signal] += size
+    assert jumps(locate(frame, AXIS))[1] > 1.0
+    assert jumps(locate(late, AXIS))[1] < 1.0
+
+
+def test_a_speed_limit_that_is_met_once_is_found():
+    sent = record(share=0.8)
+    told = sent[["t", "axis.setpoint"]].dropna().to_numpy().T
+    fastest = float(np.max(np.abs(np.diff(told[1]) / np.diff(told[0]))))
+    found = diagnose(record(effect("velocity_saturation", limit=0.88 * fastest), share=0.8), AXIS)
+    assert [x.effect for x in found.effects] == ["velocity_saturation"]
