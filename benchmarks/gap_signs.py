@@ -5,8 +5,8 @@
 
 One row a case: what it is and what was said; of the best candidate, right or wrong, the share of the seen
 gap that it explains (`hil.gap.doubt`: EXPLAINED, FEW), what it takes off unseen data (HOLDS, BORNE_OUT),
-how much of it varies (VARIES), its nats (`hil.gap.clear`: CLEAR, DECISIVE) and the floors of its trace
-(MATERIAL, STEADY); the largest signal in floors (`hil.gap.verdict`: LARGE), how loud the record is beside
+how much of it varies (VARIES), its nats and the floors of its trace (`hil.gap.clear`: COUNTED, IN_FULL);
+the largest signal in floors (`hil.gap.verdict`: LARGE), how loud the record is beside
 the noise model (`hil.gap.loudness`: LEVEL_RANGE, LOUDEST), and its lone samples (`hil.gap.events`: WILD,
 STRUCK, HELD; 1 is a gap). Then their quantiles by kind of case. Rows are kept as they come and never made
 twice. Meant for tuning seeds, from 1000 on, never for an exam's.

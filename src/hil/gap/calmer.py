@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.gap.clear import DECISIVE
+from hil.gap.clear import asked
 from hil.gap.evidence import weigh
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
@@ -37,7 +37,7 @@ def calmed(before: Located, c: Calibrated, fits: Sequence[Fit], seed: int) -> Lo
     best = ranked[0]
     gain = best.log_evidence - next(w.log_evidence for w in ranked if not w.fit.leaves)
     others = any(leaf.effect in (LOST, ROUNDED) for leaf in best.fit.leaves)
-    if e.noise.source != "model" or others or not best.fit.leaves or gain < DECISIVE:
+    if e.noise.source != "model" or others or not best.fit.leaves or gain < asked(c).decisive:
         return None
     left = c.noise.usual(c.problem, best.fit.residual)
     floors = c.noise.usual(c.problem, c.noise.draws)

@@ -17,7 +17,7 @@ from hil.gap.joint import LEFT, joint_fits
 from hil.gap.leaves import Leaf
 from hil.gap.search import Proposal, Search
 from hil.gap.shares import explained, most_left
-from hil.gap.starts import changes_of
+from hil.gap.starts import changes_of, relative
 from hil.gap.swings import swing, unsteady
 
 Report = Callable[[str], None]
@@ -32,6 +32,8 @@ WORTH: Final = 0.25
 """Of the best linear gain, below which none but the FIRST candidates are fitted: a gain may be illusory."""
 CHANCE: Final = 3.0
 """Of the linear gain, no candidate is worth a fit below."""
+UNPROMISING: Final = 2
+"""Candidates that are fitted where none promises anything: a limit that acts once is missed by a little."""
 NEARLY: Final = 0.9
 """Of what the best explains, that friction must to be looked at once more for either direction."""
 WELL: Final = 0.96
@@ -50,6 +52,7 @@ def fit_candidates(
     fits = [none, *_single_fits(c, none, search, leaves, without, say)]
     fits = [f for f in fits if is_itself(c, f)]
     fits += joint_fits(c, fits, search, leaves, without, say)
+    fits = _alone_again(c, fits, say)
     fits += _peaked_fits(c, fits, leaves, say)
     return fits if DIRECTED in without else fits + _directed_fits(c, fits, without, say)
 
@@ -83,6 +86,23 @@ def _single_fits(
     return out
 
 
+def _alone_again(c: Calibrated, fits: Sequence[Fit], say: Report) -> list[Fit]:
+    """`fits`, each effect of the best set alone once more, begun where the set put it and the nuisances: what
+    a second effect has helped out of a trap needs no second effect."""
+    best = min(fits, key=lambda f: f.total(c) + f.extra_cost)
+    if len(best.leaves) < 2 or any(leaf.effect == LOST for leaf in best.leaves):
+        return list(fits)
+    values, out = relative(c, best), list(fits)
+    for leaf in best.leaves:
+        say(f"fitting {leaf.name} alone once more")
+        start = {n: values[n] for n in leaf.parameters if n in values}
+        found = fit(c, [leaf], start, best.z)
+        k = next((k for k, f in enumerate(out) if f.leaves == (leaf,)), None)
+        if k is not None and found is not None and found.total(c) < out[k].total(c):
+            out[k] = found
+    return out
+
+
 def _swinging(c: Calibrated, none: Fit, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
     """Springs that a scan finds where nothing explains the gap: no column shows a resonance but its own."""
     out = []
@@ -103,7 +123,7 @@ def promising(proposals: Sequence[Proposal]) -> list[Proposal]:
 
 def _worth_a_fit(proposals: Sequence[Proposal], leaves: Sequence[Leaf]) -> list[Proposal]:
     """The best proposals, more where ALIKE; where a law of friction is among them, the plain laws as well."""
-    good = promising(proposals)
+    good = promising(proposals) or list(proposals[:UNPROMISING])
     alike = sum(p.gain > ALIKE * good[0].gain for p in good[:MOST])
     out = good[: max(SINGLES, alike)]
     rubs = {x.location for x in (leaves[p.leaves[0]] for p in out) if x.effect in FRICTION}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 from hil.gap.evidence import Weighed
@@ -19,25 +21,43 @@ EXPLAINED: Final = 0.46
 """Share of the gap's energy that a verdict must explain, half of the time: what is none of the catalogue is
 explained by less than a third, a catalogue's effect of another law by more than half [set on training cases
 of two worlds]."""
-CLEAR: Final = 10.0
-"""Nats of evidence from which on a candidate is more than a chance among many [set on training cases]."""
-MATERIAL: Final = 0.5
-"""Floors that its trace must have on some signal."""
-STEADY: Final = 1.0
-"""Floors of the trace of effects that ALWAYS act: none of them hides in rare events [set on training cases of
-two worlds]."""
-DECISIVE: Final = 30.0
-FAINT: Final = 0.4
-"""Nats, and floors of its trace, of a candidate that is small and beyond doubt all the same."""
-STEADY_FAINT: Final = 0.8
 MOST: Final = 0.6
-CERTAIN: Final = 60.0
-"""The same of effects that ALWAYS act, which must explain MOST of what stands without them besides [set on
-training cases of two worlds, of which a healthy rig has 38 nats and 0.85 floors of a mass]."""
-RELIEF: Final = 10.0
-"""Nats of the nuisances' priors that an effect saves and no healthy rig spends: it was hidden in nuisances,
-which went to their bounds [set on training cases of two worlds: healthy rigs spend up to 11 in all, nine of
-ten less than 6]."""
+"""Of what stands without them, what effects that ALWAYS act must explain where they are small."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a candidate must have to be a finding."""
+
+    nats: float
+    """Of evidence: more than a chance among many."""
+    trace: float
+    """Floors of its trace on some signal."""
+    always: float
+    """The same of effects that ALWAYS act: none of them hides in rare events, and whatever a twin lacks looks
+    a little like one of them."""
+    decisive: float
+    faint: float
+    """Nats, and floors of its trace, of a candidate that is small and beyond doubt all the same."""
+    certain: float
+    always_faint: float
+    """The same of effects that ALWAYS act, which must explain MOST besides."""
+    saved: float
+    """Nats of the nuisances' priors that an effect saves and no healthy rig spends: it was hidden in
+    nuisances, which went to their bounds."""
+
+
+COUNTED: Final = Asked(10.0, 0.5, 1.0, 30.0, 0.4, 60.0, 0.8, 10.0)
+"""Of rigs, many samples of which count as one [set on training cases of two worlds: a healthy rig has up to
+13 nats with 0.2 floors; of what ALWAYS acts up to 38 with 0.85, and spends up to 11 on priors, nine of ten
+less than 6]."""
+IN_FULL: Final = Asked(15.0, 0.75, 1.2, 120.0, 0.4, 120.0, 0.8, math.inf)
+"""Of rides, of which each sample counts [set on training cases]."""
+
+
+def asked(c: Calibrated) -> Asked:
+    """What a finding must have, as samples are counted."""
+    return COUNTED if c.problem.discount > 1.0 else IN_FULL
 
 
 def other_than_steps(f: Fit) -> tuple[Leaf, ...]:
@@ -60,7 +80,8 @@ def clear(
         leaves = [x for x in other_than_steps(w.fit) if x.name not in base]
         gain, trace = w.log_evidence - log, _trace(c, f, w.fit)
         saved = f.prior_cost - w.fit.prior_cost
-        return not leaves or _isclear(gain, trace, saved, leaves, lambda: explained(c, f, w.fit))
+        share = partial(explained, c, f, w.fit)
+        return not leaves or _isclear(asked(c), gain, trace, saved, leaves, share)
 
     def isclear(w: Weighed) -> bool:
         others, names = other_than_steps(w.fit), _names(w.fit)
@@ -98,15 +119,20 @@ def signals(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
 
 
 def _isclear(
-    gain: float, trace: float, saved: float, leaves: Sequence[Leaf], share: Callable[[], float]
+    a: Asked,
+    gain: float,
+    trace: float,
+    saved: float,
+    leaves: Sequence[Leaf],
+    share: Callable[[], float],
 ) -> bool:
     """Whether effects of `gain` nats that move a signal by `trace` floors, save so many nats of priors and
     explain `share` of what stands without them, are neither chance nor trifle. Frames that were lost have
     each earned their odds."""
-    if saved > RELIEF or all(leaf.effect == LOST for leaf in leaves):
-        return gain > CLEAR
+    if saved > a.saved or all(leaf.effect == LOST for leaf in leaves):
+        return gain > a.nats
     if all(leaf.effect in ALWAYS for leaf in leaves):
-        if gain > CERTAIN and trace > STEADY_FAINT and share() > MOST:
+        if gain > a.certain and trace > a.always_faint and share() > MOST:
             return True
-        return gain > CLEAR and trace > STEADY
-    return (gain > CLEAR and trace > MATERIAL) or (gain > DECISIVE and trace > FAINT)
+        return gain > a.nats and trace > a.always
+    return (gain > a.nats and trace > a.trace) or (gain > a.decisive and trace > a.faint)

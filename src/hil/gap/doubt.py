@@ -14,13 +14,13 @@ from typing import Final
 import numpy as np
 
 from hil.gap.bank import Bank
-from hil.gap.clear import DECISIVE, EXPLAINED, RELIEF, other_than_steps
+from hil.gap.clear import EXPLAINED, asked, other_than_steps
 from hil.gap.constancy import Variation, variation
 from hil.gap.fit import Calibrated, Fit
 from hil.gap.heldout import Score
 from hil.gap.leaves import Leaf
-from hil.gap.nature import WAVES
-from hil.gap.shares import explained, largest_ratio
+from hil.gap.nature import EVENTS, WAVES
+from hil.gap.shares import RARE, explained, largest_ratio
 
 SOFT: Final = 0.06
 """How gradually."""
@@ -67,20 +67,21 @@ class Told:
 def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
     """Share of the seen gap that a fit of `gain` nats explains; steps of a signal are no question.
 
-    From DECISIVE nats on what a fit leaves is a better measure of noise than a record's fastest part. Where a
-    gap is hidden in nuisances, it is the share of what they had to go.
+    Where `gain` is decisive, what a fit leaves tells noise better than a record's fastest part. Where
+    a gap is hidden in nuisances, it is the share of what they had to go.
     """
     if not other_than_steps(f):
         return 1.0
     saved = none.prior_cost - f.prior_cost
-    hidden = saved / none.prior_cost if saved > RELIEF else 0.0
-    return max(hidden, explained(c, none, f, is_sure=gain > DECISIVE))
+    hidden = saved / none.prior_cost if saved > asked(c).saved else 0.0
+    return max(hidden, explained(c, none, f, is_sure=gain > asked(c).decisive))
 
 
 def doubt(
     c: Calibrated, none: Fit, f: Fit, told: Told, bank: Bank, worth: float
 ) -> tuple[float, Variation | None]:
-    """The chance, and the variation of a parameter where that is what tells."""
+    """The chance, and the variation of a parameter where that is what tells; what acts once varies with
+    nothing."""
     others = other_than_steps(f)
     other = by_share(told.share, told.gain)
     if is_beyond(others, f):
@@ -92,7 +93,8 @@ def doubt(
             other = chance(told.share, least_explained(part.shrink))
         holds = float(np.interp(told.share, WELL, (HOLDS, HARMLESS)))
         other = max(other, chance(part.shrink, holds))
-    varies = variation(c, none, f, bank, worth) if others else None
+    once = largest_ratio(c, none) < RARE and all(leaf.effect in EVENTS for leaf in others)
+    varies = None if once else variation(c, none, f, bank, worth)
     if varies is None:
         return other, None
     left = float(np.interp(largest_ratio(c, f), LEAVES, VARIES))

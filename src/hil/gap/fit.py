@@ -20,8 +20,8 @@ from hil.gap.bank import ABSOLUTE, shifted
 from hil.gap.leaves import Leaf
 from hil.gap.noise import NoiseModel
 from hil.gap.nuisances import LIMIT, Nuisance
-from hil.gap.problem import Mask, Problem
-from hil.gap.residual import Refit
+from hil.gap.problem import LATENCY, Mask, Problem
+from hil.gap.residual import Refit, nuisance_sensitivities
 from hil.sim.parameters import Parameter
 
 Array = NDArray[np.float64]
@@ -156,6 +156,7 @@ def fit(
     stalled = 0
     for _ in range(2 * rounds if is_swinging(names) else rounds):
         cost = _total(c, white, z, spread)
+        A = _with_latencies(c, A, held, vector, residual)
         B = sensitivities(c, vector, answer, names)
         J = np.hstack([A, B[c.train] * scale])
         here = np.concatenate([z, x / scale])
@@ -203,6 +204,21 @@ def fit(
         tuple(leaves), tuple(names), values, np.sqrt(np.maximum(np.diag(covariance), 0.0)),
         vector, residual, white, full_z, bound,
     )  # fmt: skip
+
+
+def _with_latencies(
+    c: Calibrated, A: Array, held: Sequence[int], vector: Array, residual: Array
+) -> Array:
+    """Sensitivities (M, K), those to latencies as they are at `vector`: what a force's latency does changes
+    with every jump that a sample comes near, and one replay tells all of them."""
+    late = [row for row, k in enumerate(held) if c.nuisances[k].name.endswith(LATENCY)]
+    if not late:
+        return A
+    some = [c.nuisances[held[row]] for row in late]
+    fresh = c.noise.whiten(c.problem, nuisance_sensitivities(c.problem, some, vector, residual))
+    out = np.array(A)
+    out[:, late] = fresh[c.train] * np.array([n.sd for n in some])
+    return out
 
 
 def _as_moved(A: Array, missed: Array, step: Array) -> Array:
@@ -354,7 +370,7 @@ def sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[s
         if p.parameter == "phase":
             step = 0.1
         if p.parameter == "delay":
-            step = 5e-4
+            step = 1e-4 if name.endswith(LATENCY) else 5e-4
         if x + step > high:
             step = -step
         row = np.array(vector)

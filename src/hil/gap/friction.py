@@ -4,7 +4,7 @@ a peak at rest is found from a plain one."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -61,11 +61,11 @@ def nested(a: Sequence[Leaf], b: Sequence[Leaf]) -> bool:
 def is_itself(c: Calibrated, f: Fit) -> bool:
     """Whether no effect of a fit has gone where it is another one: a hysteresis as narrow as it may be or a
     Stribeck curve that rises from rest is the rig's own friction, friction that nearly goes one way and grows
-    the other a constant force."""
-    if any(n.endswith(".hysteresis.displacement") for n in f.at_bound):
-        return False
+    the other a constant force; and no friction drives, whatever law it has."""
     value = dict(zip(f.names, f.values.tolist(), strict=True))
     own = {a.name: a.coulomb for a in c.problem.rig.actuators}
+    if any(n.endswith(".hysteresis.displacement") for n in f.at_bound) or _drives(value, own):
+        return False
     for leaf in f.leaves:
         if leaf.effect == PEAKED and value.get(f"{leaf.name}.static", 0.0) < value.get(
             f"{leaf.name}.coulomb", 0.0
@@ -76,6 +76,12 @@ def is_itself(c: Calibrated, f: Fit) -> bool:
             if more > 0.0 and less < -NEARLY_ALL * own[leaf.location]:
                 return False
     return True
+
+
+def _drives(value: Mapping[str, float], own: Mapping[str, float]) -> bool:
+    """Whether friction that a fit has put somewhere is less than none, the rig's own with it."""
+    laws = ("coulomb_friction.force", f"{PEAKED}.coulomb", f"{PEAKED}.static")
+    return any(value.get(f"{a}.{law}", 0.0) < -most for a, most in own.items() for law in laws)
 
 
 def directed(c: Calibrated, base: Fit, location: str) -> list[Fit]:

@@ -211,15 +211,21 @@ class Problem:
         return np.asarray(self.measured - self.predict(vector)[0])
 
     def jacobian(
-        self, names: Sequence[str | tuple[str, ...]], vector: Array, base: Array | None = None
+        self,
+        names: Sequence[str | tuple[str, ...]],
+        vector: Array,
+        base: Array | None = None,
+        most: Sequence[float] | None = None,
     ) -> Array:
         """(N, P) d prediction / d search coordinate of each named parameter, at `vector`.
 
         A tuple of names moves together. One-sided differences over the table's search step, away from the
-        nearer bound; `base`: the prediction at `vector`, where it is known already. Biases of signals cost
-        no replay, latencies of different signals one for all.
+        nearer bound; `base`: the prediction at `vector`, where it is known already; `most`: the largest step
+        of each, in its search coordinate. Biases of signals cost no replay, latencies of different signals
+        one for all.
         """
         groups = [(n,) if isinstance(n, str) else n for n in names]
+        ends = [np.inf] * len(groups) if most is None else most
         out = np.zeros((self.size, len(groups)))
         rows: list[Array] = []
         places: list[tuple[int, int, float, Mask | None]] = []
@@ -230,10 +236,10 @@ class Problem:
             if own is not None and all(n.endswith(BIAS) for n in group):
                 out[own, k] = 1.0
             elif own is not None and not any(np.any(own & m) for _, _, m in late):
-                shared, span = self._stepped(group, shared)
+                shared, span = self._stepped(group, shared, ends[k])
                 late.append((k, span, own))
             else:
-                row, span = self._stepped(group, vector)
+                row, span = self._stepped(group, vector, ends[k])
                 places.append((k, len(rows), span, None))
                 rows.append(row)
         if late:
@@ -259,12 +265,15 @@ class Problem:
                 mask[x.part] = True
         return mask
 
-    def _stepped(self, group: tuple[str, ...], vector: Array) -> tuple[Array, float]:
-        """`vector` with the parameters of a group one search step on, and that step."""
+    def _stepped(
+        self, group: tuple[str, ...], vector: Array, most: float = np.inf
+    ) -> tuple[Array, float]:
+        """`vector` with the parameters of a group one search step on, `most` at most, and that step."""
         first = self.table[group[0]]
         z = first.to_search(float(vector[self.table.index(group[0])]))
         top = max(first.to_search(first.lower), first.to_search(first.upper))
-        step = first.search_step if z + first.search_step <= top else -first.search_step
+        size = min(first.search_step, most)
+        step = size if z + size <= top else -size
         row = np.array(vector)
         for name in group:
             i = self.table.index(name)

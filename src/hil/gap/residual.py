@@ -18,7 +18,7 @@ from scipy.optimize import lsq_linear
 
 from hil.gap.noise import NoiseModel
 from hil.gap.nuisances import LIMIT, Nuisance
-from hil.gap.problem import Problem
+from hil.gap.problem import LATENCY, Problem
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,8 @@ WEIGHT_ROUNDS: Final = 4
 """Reweightings of one linear step."""
 SETTLED: Final = 0.05
 """Steps below this share of the priors' spread end the fit."""
+NEARBY: Final = 0.3
+"""Of a latency's prior, how far its sensitivity is stepped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +89,7 @@ def refit(
     z = np.clip((vector[index] - centre) / sd, lower, upper)
     given = jacobian
     fresh = given is None
-    J = given if given is not None else problem.jacobian(names, vector, problem.measured - residual)
+    J = given if given is not None else nuisance_sensitivities(problem, nuisances, vector, residual)
     information = np.eye(len(z))
 
     def cost_of(residual: Array, z: Array) -> float:
@@ -110,7 +112,7 @@ def refit(
         if moved < SETTLED and (fresh or np.max(np.abs(target - z)) < SETTLED):
             break
         if moved < SETTLED:
-            J, fresh = problem.jacobian(names, vector, problem.measured - residual), True
+            J, fresh = nuisance_sensitivities(problem, nuisances, vector, residual), True
     spread = np.sqrt(np.diag(np.linalg.inv(information)))
     fitted = tuple(
         Fitted(n.name, n.unit, float(n.mean + n.sd * z[k]), float(n.sd * spread[k]), n.sd,
@@ -118,6 +120,19 @@ def refit(
         for k, n in enumerate(nuisances)
     )  # fmt: skip
     return Refit(vector, residual, J, fitted)
+
+
+def nuisance_sensitivities(
+    problem: Problem, nuisances: Sequence[Nuisance], vector: Array, residual: Array
+) -> Array:
+    """(N, K) of the prediction to each nuisance, at `vector`, which leaves `residual`.
+
+    A latency is stepped by NEARBY of its prior: forces jump at each setpoint, and over a tick's delay a
+    sample next to a jump says nothing of what it does nearby.
+    """
+    most = [NEARBY * n.sd if n.name.endswith(LATENCY) else np.inf for n in nuisances]
+    names = [n.name for n in nuisances]
+    return problem.jacobian(names, vector, problem.measured - residual, most)
 
 
 def _moved(problem: Problem, nuisances: Sequence[Nuisance], vector: Array, steps: Array) -> Array:
