@@ -61,3 +61,12 @@ def test_a_speed_limit_that_is_met_once_is_found():
     fastest = float(np.max(np.abs(np.diff(told[1]) / np.diff(told[0]))))
     found = diagnose(record(effect("velocity_saturation", limit=0.88 * fastest), share=0.8), AXIS)
     assert [x.effect for x in found.effects] == ["velocity_saturation"]
+
+
+def test_a_push_that_comes_by_the_clock_is_a_gap():
+    rig = record(duration_s=30.0)
+    pushed = rig["axis.force"].notna()
+    rig.loc[pushed, "axis.force"] += 6.0 * np.sin(2.0 * np.pi * 0.83 * rig.loc[pushed, "t"] + 1.0)
+    found = diagnose(rig, AXIS)
+    assert found.verdict == "unknown"
+    assert "axis.force" in found.sentence

@@ -1,13 +1,14 @@
-"""Rare events: what stands out of a record in a few samples, which no root mean square shows."""
+"""Events that no root mean square shows: what stands out in a few samples, or in one frequency."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.signal import lombscargle
 
 from hil.gap.noise import time_sensitivity
 from hil.gap.result import Located
@@ -41,14 +42,27 @@ KNOCK: Final = (16.0, 120.0)
 """Spreads of a position and of a force at once: a late answer moves the one, a late setpoint the other.
 Healthy rigs of two worlds stay below six tenths of these (75 records)."""
 NEARLY: Final = 2.5
-"""Cycles of the bus that are at once."""
+"""Cycles of the bus that are at once: what a late frame does is over after them."""
 MOST: Final = 40
 """Largest samples of a position that are looked at."""
 
 
+HUM: Final = 0.3
+"""Of a force's residual, that one frequency must hold where the motion itself has next to nothing (LEAST): a
+push that comes and goes by the clock. Healthy rigs of two worlds stay below 0.1 (75 records)."""
+LEAST: Final = 0.05
+HUM_HZ: Final = (0.1, 10.0)
+HEARD: Final = 100
+"""Samples that a series must have to be heard."""
+CUT: Final = 5.0
+"""Spreads at which its residual is cut: a few kicks have every frequency."""
+FINE: Final = 4.0
+"""Frequencies for each that a record tells apart."""
+
+
 def jumps(located: Located) -> tuple[str | None, float]:
-    """The signal in which a rare event stands out most, in what is a gap alone: WILD, STRUCK, HELD,
-    STUCK, KNOCK.
+    """The signal in which an event stands out most, in what is a gap alone: WILD, STRUCK, HELD,
+    STUCK, KNOCK, HUM.
 
     An encoder's answers do not jump by themselves, and nothing in the noise strikes an accelerometer. Forces
     are asked for single blows only: a frame that reaches its drive a tick late kicks harder than much of what
@@ -65,6 +79,7 @@ def jumps(located: Located) -> tuple[str | None, float]:
             shocks.get(signal, 0.0) / STRUCK.get(quantity, np.inf),
             _held(located, signal),
             knocks.get(signal, 0.0),
+            _hum(located, signal) / HUM,
         )
         if times > most:
             worst, most = signal, times
@@ -99,25 +114,30 @@ def _shocks(located: Located) -> dict[str, float]:
 
 
 def _held(located: Located, signal: str) -> float:
-    """Largest run of a signal's samples off to one side, in what is a gap alone."""
+    """Largest run of a signal's samples off to one side, in what is a gap alone; none of a ride, which roads
+    shake."""
     e = located.evidence
     most = 0.0
     for x in e.problem.series:
-        if x.signal != signal:
+        if x.signal != signal or not e.problem.actuators:
             continue
         off, kept = e.residual[x.part] / e.noise.sigma[x.part], e.problem.kept[x.part]
         begun = int(np.argmax(kept)) if kept.any() else 0
+        every_s = float(np.median(np.diff(e.problem.t_s[x.part])))
+        least = 1 + math.ceil(NEARLY * e.problem.rig.bus.cycle / every_s)
         most = max(
             most,
-            _run(np.where(kept, off, 0.0), HELD, x.quantity),
-            _run(off[:begun], STUCK, x.quantity),
+            _run(np.where(kept, off, 0.0), HELD.get(x.quantity), least),
+            _run(off[:begun], STUCK.get(x.quantity), least),
         )
     return most
 
 
-def _run(off: Array, asked: Mapping[str, tuple[int, float]], quantity: str) -> float:
-    """Least of so many samples to one side as are `asked` of a quantity, over what is asked."""
-    samples, spreads = asked.get(quantity, (1, np.inf))
+def _run(off: Array, asked: tuple[int, float] | None, least: int) -> float:
+    """Smallest of as many samples to one side as are `asked`, `least` at least, over what is asked."""
+    if asked is None:
+        return 0.0
+    samples, spreads = max(asked[0], least), asked[1]
     if len(off) < samples:
         return 0.0
     return (
@@ -147,3 +167,27 @@ def _knocks(located: Located) -> dict[str, float]:
                 both = min(float(size[x.part][k]) / KNOCK[0], force / KNOCK[1])
                 out[x.signal] = max(out.get(x.signal, 0.0), both)
     return out
+
+
+def _hum(located: Located, signal: str) -> float:
+    """Largest share of a force's residual in one frequency that its motion does not have; 0 of others."""
+    e = located.evidence
+    most = 0.0
+    for x in e.problem.series:
+        kept = e.problem.kept[x.part]
+        if x.signal != signal or x.quantity not in ("force", "current") or kept.sum() < HEARD:
+            continue
+        t = e.problem.t_s[x.part][kept]
+        span_s = float(t[-1] - t[0])
+        top_hz = min(HUM_HZ[1], 0.4 / float(np.median(np.diff(t))))
+        hz = np.arange(max(HUM_HZ[0], 3.0 / span_s), top_hz, 1.0 / (FINE * span_s))
+        left = (e.residual[x.part] / e.noise.sigma[x.part])[kept]
+        told = (e.problem.measured[x.part] - e.residual[x.part])[kept]
+        shares = [
+            lombscargle(t, v - v.mean(), 2.0 * np.pi * hz, normalize=True)
+            for v in (np.clip(left, -CUT, CUT), told)
+            if np.any(v != v[0])
+        ]
+        if len(hz) and len(shares) == 2:
+            most = max(most, float(np.max(np.where(shares[1] < LEAST, shares[0], 0.0))))
+    return most

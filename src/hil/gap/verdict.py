@@ -61,8 +61,8 @@ def _small(located: Located, held_out: str) -> Diagnosis:
     if signal is None or times <= 1.0:
         return no_gap(located, held_out)
     sentence = (
-        f"A gap that nothing in the catalogue explains: for a moment {signal} stands further from the twin "
-        "than noise or a late frame ever puts it."
+        f"A gap that nothing in the catalogue explains: for moments, or in one frequency, {signal} stands "
+        "further from the twin than noise or a late frame ever puts it."
     )
     return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)
 
@@ -89,11 +89,13 @@ def answer(
         found = _nothing_like_it(located, held_out) if is_large else _small(located, held_out)
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
+    share = explained_share(c, none, first, gain)
+    if _is_crystals(first) and is_large and by_share(share, gain) > 0.5:
+        return replace(_nothing_like_it(located, held_out), not_excited=not_excited(c, bank))
     if _is_crystals(first):
         sentence = "No gap but that clocks differ by less than 20 ppm, as any two do."
         found = replace(no_gap(located, held_out), sentence=sentence)
         return replace(found, not_excited=not_excited(c, bank))
-    share = explained_share(c, none, first, gain)
     rng = np.random.default_rng(seed + 2)
     shown = Shown(located, none, held, rng)
     part = shown.score(first, signals(c, none, first))
