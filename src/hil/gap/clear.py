@@ -47,7 +47,7 @@ class Asked:
     nuisances, which went to their bounds."""
 
 
-COUNTED: Final = Asked(10.0, 0.5, 1.0, 30.0, 0.4, 60.0, 0.8, 10.0)
+COUNTED: Final = Asked(10.0, 0.5, 1.0, 30.0, 0.4, 60.0, 0.65, 10.0)
 """Of rigs, many samples of which count as one [set on training cases of two worlds: a healthy rig has up to
 13 nats with 0.2 floors; of what ALWAYS acts up to 38 with 0.85, and spends up to 11 on priors, nine of ten
 less than 6]."""

@@ -73,8 +73,13 @@ def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
     if not other_than_steps(f):
         return 1.0
     saved = none.prior_cost - f.prior_cost
-    hidden = saved / none.prior_cost if saved > asked(c).saved else 0.0
+    hidden = saved / none.prior_cost if is_hidden(c, none, f) else 0.0
     return max(hidden, explained(c, none, f, is_sure=gain > asked(c).decisive))
+
+
+def is_hidden(c: Calibrated, none: Fit, f: Fit) -> bool:
+    """Whether what a fit explains was hidden in nuisances, which went further than healthy rigs have them."""
+    return none.prior_cost - f.prior_cost > asked(c).saved
 
 
 def doubt(

@@ -14,7 +14,7 @@ from hil.gap.causes import Shown, weighed_causes
 from hil.gap.clear import clear, signals
 from hil.gap.constancy import Variation
 from hil.gap.diagnosis import Cause, Diagnosis, Verdict
-from hil.gap.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share
+from hil.gap.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share, is_hidden
 from hil.gap.events import jumps
 from hil.gap.evidence import weigh
 from hil.gap.fit import Calibrated, Fit
@@ -105,7 +105,7 @@ def answer(
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     is_plain = all(leaf.effect in (LOST, ROUNDED) for leaf in first.leaves)
     is_seen = varies is not None and part.before > RATIO
-    if not (is_large or is_seen or is_plain) and _is_faint(part):
+    if not (is_large or is_seen or is_plain or is_hidden(c, none, first)) and _is_faint(part):
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(
