@@ -100,3 +100,9 @@ def test_forms_of_one_law_never_act_together_and_viscous_friction_beside_any():
     assert may_join(leaf("viscous_friction"), [leaf("stribeck_friction")])
     assert may_join(leaf("coulomb_friction", "leg2"), [leaf("stribeck_friction", "leg1")])
     assert not may_join(leaf("viscous_friction"), [leaf("viscous_friction")])
+
+
+def test_a_force_limit_beside_friction_is_found_where_neither_column_shows_it():
+    pair = (effect("coulomb_friction", force=250.0), effect("force_saturation", limit=420.0))
+    found = diagnose(record(*pair, duration_s=20.0), AXIS)
+    assert "force_saturation" in {x.effect for x in found.effects}

@@ -6,8 +6,10 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from hil.gap.evidence import ALIKE, distance
-from hil.gap.fit import Calibrated, Fit, fit
+from hil.gap.fit import Calibrated, Fit, fit, loss, replay_cost, spread_of
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
 from hil.gap.friction import is_itself, may_join
@@ -15,7 +17,7 @@ from hil.gap.heldout import touched
 from hil.gap.leaves import Leaf
 from hil.gap.nature import LIMITS
 from hil.gap.search import Proposal, Search
-from hil.gap.shares import above_noise, explained, most_left
+from hil.gap.shares import RARE, above_noise, explained, largest_ratio, most_left
 from hil.gap.starts import changes_of, relative
 
 Report = Callable[[str], None]
@@ -67,6 +69,8 @@ def joint_fits(
             joint = fit(c, some, {**relative(c, head), **start}, p.z)
             if joint is not None and is_itself(c, joint) and adds(c, [*fits[1:], *out], joint):
                 new.append(joint)
+        if largest_ratio(c, heads[0]) > RARE:
+            new += [f for f in _limited(c, heads[0], leaves, say) if adds(c, [*fits[1:], *out], f)]
         if not out:
             new += _unseen_pairs(c, fits, new, search, leaves, say)
         new += _swapped(c, fits, singles, new, say)
@@ -76,6 +80,32 @@ def joint_fits(
     if LOST not in without:
         out += _with_lost(c, fits, out, known, say)
     return out
+
+
+def _limited(c: Calibrated, head: Fit, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
+    """`head` with the limit beside it whose starts, replayed there, leave least; none where all leave more.
+
+    How hard a limit is hit changes with whatever else acts: what it does alone says little of that.
+    """
+    spread = spread_of(c, head.white)
+    least, found = float(np.sum(loss(head.white[c.train] / spread))), None
+    for leaf in leaves:
+        if leaf.effect not in LIMITS or not may_join(leaf, head.leaves):
+            continue
+        (name,) = leaf.parameters
+        values = [s.columns[0][name] for s in leaf.starts]
+        rows = np.tile(head.vector, (len(values), 1))
+        rows[:, c.problem.table.index(name)] = values
+        costs = [replay_cost(c, a, spread) for a in c.problem.answers(rows)]
+        best = int(np.argmin(costs))
+        if costs[best] < least:
+            least, found = costs[best], (leaf, {name: values[best]})
+    if found is None:
+        return []
+    leaf, start = found
+    say("fitting " + " + ".join(x.name for x in (*head.leaves, leaf)))
+    joint = fit(c, [*head.leaves, leaf], {**relative(c, head), **start}, head.z)
+    return [joint] if joint is not None and is_itself(c, joint) else []
 
 
 def _unseen_pairs(
