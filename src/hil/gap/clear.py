@@ -47,11 +47,16 @@ class Asked:
     nuisances, which went to their bounds."""
 
 
-COUNTED: Final = Asked(10.0, 0.5, 1.0, 30.0, 0.4, 60.0, 0.65, 10.0)
-"""Of rigs, many samples of which count as one [set on training cases of two worlds: a healthy rig has up to
-13 nats with 0.2 floors; of what ALWAYS acts up to 38 with 0.85, and spends up to 11 on priors, nine of ten
-less than 6]."""
-IN_FULL: Final = Asked(15.0, 0.75, 1.2, 120.0, 0.4, 120.0, 0.8, math.inf)
+COUNTED: Final = Asked(
+    nats=10.0, trace=0.5, always=1.0, decisive=30.0, faint=0.4, certain=60.0, always_faint=0.65, saved=10.0
+)  # fmt: skip
+"""Of rigs, many samples of which count as one [set on cases of the used-up exam of seed 81 and of a second
+world: a healthy rig has up to 13 nats with 0.2 floors; of what ALWAYS acts up to 38 with 0.85, and spends up
+to 11 on priors, nine of ten less than 6]."""
+IN_FULL: Final = Asked(
+    nats=15.0, trace=0.75, always=1.2, decisive=120.0, faint=0.4, certain=120.0, always_faint=0.8,
+    saved=math.inf,
+)  # fmt: skip
 """Of rides, of which each sample counts [set on training cases]."""
 
 

@@ -23,7 +23,7 @@ ONE_SIDED: Final = frozenset(
 """There is more of them than none, never less."""
 LIMITS: Final = frozenset({"force_saturation", "velocity_saturation"})
 """Their starts are read from the record: nothing to scale."""
-EVENTS: Final = frozenset({"force_saturation", "velocity_saturation", "lost_frames"})
+EVENTS: Final = LIMITS | {"lost_frames"}
 """They may act in a few samples alone, and there leave what no twin's small ways make."""
 NEAR: Final = frozenset({"backlash", "transport_delay", "sensor_latency", "clock_drift"})
 """They grow in no proportion to their parameter: only near a start is its column what they do."""

@@ -37,7 +37,8 @@ LOOSE: Final = 5e-4
 """m or rad: until it has moved so far, what an actuator's stiction and integrator hold is not known."""
 ENOUGH: Final = 1000.0
 """Samples that tell all there is: beyond them the small ways in which any twin is wrong count, not noise [set
-on healthy training cases of two worlds: so weighed, their nuisances stay near their priors' means]."""
+on healthy records of the used-up exam of seed 81 and of a second world: so weighed, their nuisances stay near
+their priors' means]."""
 AT_LEAST: Final = 3.0
 """Samples that count as one in any record: costs are rugged, for a frame comes before a tick or after it."""
 FEWEST: Final = 20
