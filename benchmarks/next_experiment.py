@@ -24,7 +24,8 @@ from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.gap.draws import draws
 from hil.gap.evidence import weigh
-from hil.gap.fit import Calibrated, Fit, calibrated, fit
+from hil.gap.fit import fit
+from hil.gap.fitted import Calibrated, Fit, calibrated
 from hil.gap.leaves import Leaf
 from hil.gap.next import Sketch, generic_multisine, propose
 from hil.gap.next.score import recorded

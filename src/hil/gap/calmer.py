@@ -15,7 +15,7 @@ import numpy as np
 
 from hil.gap.clear import asked
 from hil.gap.evidence import weigh
-from hil.gap.fit import Calibrated, Fit
+from hil.gap.fitted import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.locate import evidence_of, located
 from hil.gap.noise import find_noise, projected

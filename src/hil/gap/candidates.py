@@ -9,7 +9,8 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
 from hil.gap.clear import EXPLAINED
-from hil.gap.fit import Calibrated, Fit, fit
+from hil.gap.fit import fit
+from hil.gap.fitted import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
 from hil.gap.friction import DIRECTED, FRICTION, PEAKED, PLAIN, directed, is_itself, peaked

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hil.gap.clear import signals
 from hil.gap.diagnosis import Cause, ParameterValue
 from hil.gap.evidence import ALIKE, Weighed, distance
-from hil.gap.fit import Calibrated, Fit, calibrated
+from hil.gap.fitted import Calibrated, Fit, calibrated
 from hil.gap.frames import ANSWERS, SETPOINTS, fit_lost_frames
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import Score, score

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Final
 
 from hil.gap.evidence import Weighed
-from hil.gap.fit import Calibrated, Fit
+from hil.gap.fitted import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import touched, traces
 from hil.gap.leaves import Leaf

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.bank import Bank
-from hil.gap.fit import Calibrated, Fit, sensitivities, spread_of
+from hil.gap.fit import sensitivities
+from hil.gap.fitted import Calibrated, Fit, spread_of
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.joint import LEFT
 from hil.gap.leaves import Leaf

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.fit import Calibrated, Fit
+from hil.gap.fitted import Calibrated, Fit
 from hil.gap.heldout import Score
 from hil.gap.result import METRIC, Located
 

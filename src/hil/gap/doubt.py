@@ -16,7 +16,7 @@ import numpy as np
 from hil.gap.bank import Bank
 from hil.gap.clear import EXPLAINED, asked, other_than_steps
 from hil.gap.constancy import Variation, variation
-from hil.gap.fit import Calibrated, Fit
+from hil.gap.fitted import Calibrated, Fit
 from hil.gap.heldout import Score
 from hil.gap.leaves import Leaf
 from hil.gap.nature import EVENTS, WAVES

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.bank import ABSOLUTE
-from hil.gap.fit import Calibrated, Fit, loss, step_size
+from hil.gap.fit import step_size
+from hil.gap.fitted import Calibrated, Fit, loss
 from hil.gap.friction import nested
 from hil.gap.nature import EVENTS
 from hil.gap.shares import RARE, largest_ratio

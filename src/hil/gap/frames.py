@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.fit import Calibrated, Fit, loss
+from hil.gap.fitted import Calibrated, Fit, loss
 from hil.gap.leaves import Leaf, Start
 from hil.gap.problem import Problem, run_all
 from hil.identify.replay import Stretch

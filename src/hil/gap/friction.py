@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from hil.gap.fit import Calibrated, Fit, fit, replay_cost
+from hil.gap.fit import fit
+from hil.gap.fitted import Calibrated, Fit, replay_cost
 from hil.gap.leaves import STRIBECK_M_S, Leaf
 from hil.gap.starts import relative
 

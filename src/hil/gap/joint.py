@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from hil.gap.evidence import ALIKE, distance
-from hil.gap.fit import Calibrated, Fit, fit, loss, replay_cost, spread_of
+from hil.gap.fit import fit
+from hil.gap.fitted import Calibrated, Fit, loss, replay_cost, spread_of
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.frames import fit_lost_frames
 from hil.gap.friction import is_itself, may_join

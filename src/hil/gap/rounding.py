@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.draws import sensor_noise
-from hil.gap.fit import Calibrated, Fit
+from hil.gap.fitted import Calibrated, Fit
 from hil.gap.leaves import Leaf, Start
 from hil.gap.noise import NoiseModel
 from hil.gap.problem import Problem

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from hil.gap.bank import Bank
-from hil.gap.fit import Calibrated, loss, weight
+from hil.gap.fitted import Calibrated, loss, weight
 from hil.gap.nature import LIMITS, NEAR, ONE_SIDED
 from hil.gap.nuisances import LIMIT
 

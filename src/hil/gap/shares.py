@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.gap.fit import Calibrated, Fit, loss
+from hil.gap.fitted import Calibrated, Fit, loss
 from hil.gap.result import Located
 
 FAINT: Final = 0.3

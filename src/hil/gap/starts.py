@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.bank import ABSOLUTE
-from hil.gap.fit import Calibrated, Fit
+from hil.gap.fitted import Calibrated, Fit
 from hil.gap.leaves import Changes, Leaf
 from hil.gap.problem import Problem
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.about import is_swinging
-from hil.gap.fit import Calibrated, Fit, replay_cost, spread_of
+from hil.gap.fitted import Calibrated, Fit, replay_cost, spread_of
 from hil.gap.leaves import Leaf, spring
 
 Array = NDArray[np.float64]

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from hil.gap.bank import Bank, fill_bank
-from hil.gap.fit import Calibrated, Fit, calibrated, fit
+from hil.gap.fit import fit
+from hil.gap.fitted import Calibrated, Fit, calibrated
 from hil.gap.heldout import Split
 from hil.gap.leaves import find_leaves
 from hil.gap.nuisances import Nuisance

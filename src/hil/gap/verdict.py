@@ -17,7 +17,7 @@ from hil.gap.diagnosis import Cause, Diagnosis, Verdict
 from hil.gap.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share, is_hidden
 from hil.gap.events import jumps
 from hil.gap.evidence import weigh
-from hil.gap.fit import Calibrated, Fit
+from hil.gap.fitted import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import Score
 from hil.gap.locate import RATIO

@@ -18,7 +18,7 @@ from hil.gap.diagnose import STRAIN, as_found
 from hil.gap.diagnosis import Cause, Diagnosis
 from hil.gap.doubt import STANDS, chance, least_explained
 from hil.gap.evidence import MORE
-from hil.gap.fit import Fit
+from hil.gap.fitted import Fit
 from hil.gap.heldout import Score, score, split, touched
 from hil.gap.noise import NoiseModel
 from hil.gap.nuisances import Nuisance

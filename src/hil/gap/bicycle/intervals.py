@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from hil.gap.diagnosis import Cause, ParameterValue
-from hil.gap.fit import Calibrated
+from hil.gap.fitted import Calibrated
 
 SPRUNG: Final = ("front_suspension", "tyre_compliance")
 LAW: Final[Mapping[str, float]] = {"stiffness": 1.3, "damping": 1.8}

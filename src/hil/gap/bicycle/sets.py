@@ -13,7 +13,8 @@ from dataclasses import replace
 from typing import Final
 
 from hil.gap.candidates import FIRST, SINGLES, promising
-from hil.gap.fit import Calibrated, Fit, fit
+from hil.gap.fit import fit
+from hil.gap.fitted import Calibrated, Fit
 from hil.gap.joint import adds
 from hil.gap.leaves import Leaf
 from hil.gap.search import Proposal, Search
