@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 RUGGED: Final = (".gap", ".delay", ".rate")
 ABOUT: Final = (0.6, 0.75, 0.87, 1.15, 1.3, 1.5)
 """Times the start, from the parameter's neutral value."""
+LIMIT: Final = ".limit"
+CLOSER: Final = (0.97, 0.98, 0.99, 1.01)
+"""Times the start of a limit."""
 SPRING: Final = ".compliance.stiffness"
 STIFFER: Final = (0.4, 0.55, 0.75, 1.0, 1.35, 1.8, 2.5)
 LOOSER: Final = (0.4, 1.0, 2.5)
@@ -47,9 +50,13 @@ def about(table: ParameterTable, start: Mapping[str, float], vector: Array) -> A
         rows[:, hard] = some[:, 2]
         return rows
     name = next(iter(start), "")
-    if len(start) != 1 or not name.endswith(RUGGED):
+    if len(start) != 1 or not name.endswith((*RUGGED, LIMIT)):
         return np.empty((0, len(vector)))
     i, p = table.index(name), table[name]
+    if name.endswith(LIMIT):
+        rows = np.tile(vector, (len(CLOSER), 1))
+        rows[:, i] = np.clip(vector[i] * np.array(CLOSER), p.lower, p.upper)
+        return rows
     rows = np.tile(vector, (len(ABOUT), 1))
     rows[:, i] = np.clip(
         p.neutral * (1.0 - np.array(ABOUT)) + vector[i] * np.array(ABOUT), p.lower, p.upper

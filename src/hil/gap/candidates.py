@@ -16,10 +16,10 @@ from hil.gap.frames import fit_lost_frames
 from hil.gap.friction import DIRECTED, FRICTION, PEAKED, PLAIN, directed, is_itself, peaked
 from hil.gap.joint import LEFT, joint_fits
 from hil.gap.leaves import Leaf
+from hil.gap.replayed import least_left, suspects
 from hil.gap.search import Proposal, Search
 from hil.gap.shares import explained, most_left
 from hil.gap.starts import changes_of, relative
-from hil.gap.swings import swing, unsteady
 
 Report = Callable[[str], None]
 
@@ -77,8 +77,10 @@ def _single_fits(
     out += _peaked_fits(c, out, leaves, say)
     well = max((explained(c, none, f) for f in out), default=0.0)
     if well < EXPLAINED:
-        swinging = _swinging(c, none, leaves, say)
-        out = [*(f for f in out if f.leaves not in [x.leaves for x in swinging]), *swinging]
+        for f in _replayed(c, none, leaves, say):
+            same = [x for x in out if x.leaves == f.leaves]
+            if all(f.total(c) < x.total(c) for x in same):
+                out = [*(x for x in out if x not in same), f]
     if LOST not in without and well < WELL:
         say("looking for lost frames")
         lost = fit_lost_frames(c, none)
@@ -104,12 +106,12 @@ def _alone_again(c: Calibrated, fits: Sequence[Fit], say: Report) -> list[Fit]:
     return out
 
 
-def _swinging(c: Calibrated, none: Fit, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
-    """Springs that a scan finds where nothing explains the gap: no column shows a resonance but its own."""
+def _replayed(c: Calibrated, none: Fit, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
+    """Springs, gaps and limits that a scan finds where nothing explains the gap: no column shows them."""
     out = []
-    for leaf in unsteady(c, none, leaves):
-        say(f"looking for swings of {leaf.location}")
-        start = swing(c, none, leaf)
+    for leaf in suspects(c, none, leaves):
+        say(f"looking for {leaf.name} by replays")
+        start = least_left(c, none, leaf)
         found = fit(c, [leaf], start) if start else None
         if found is not None:
             out.append(found)

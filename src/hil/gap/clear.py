@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import Final
 
 from hil.gap.evidence import Weighed
 from hil.gap.fitted import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
-from hil.gap.heldout import touched, traces
+from hil.gap.heldout import Score, touched, traces
 from hil.gap.leaves import Leaf
 from hil.gap.nature import ALWAYS
 from hil.gap.rounding import EFFECT as ROUNDED
@@ -21,6 +21,10 @@ EXPLAINED: Final = 0.46
 """Share of the gap's energy that a verdict must explain, half of the time: what is none of the catalogue is
 explained by less than a third, a catalogue's effect of another law by more than half [set on training cases
 of two worlds]."""
+BORNE_OUT: Final = (5.0, 0.5, 1.5, 0.8)
+"""Nats, floors of its trace, floors of the gap on unseen data and the share of it that goes, from which on an
+effect is a finding however little fits have seen of it [healthy records of two worlds: never above 1.3 floors
+with more than a tenth of it gone]."""
 MOST: Final = 0.6
 """Of what stands without them, what effects that ALWAYS act must explain where they are small."""
 
@@ -48,7 +52,7 @@ class Asked:
 
 
 COUNTED: Final = Asked(
-    nats=10.0, trace=0.5, always=1.0, decisive=30.0, faint=0.4, certain=60.0, always_faint=0.65, saved=10.0
+    nats=10.0, trace=0.3, always=1.0, decisive=20.0, faint=0.15, certain=60.0, always_faint=0.65, saved=10.0
 )  # fmt: skip
 """Of rigs, many samples of which count as one [set on cases of the used-up exam of seed 81 and of a second
 world: a healthy rig has up to 13 nats with 0.2 floors; of what ALWAYS acts up to 38 with 0.85, and spends up
@@ -71,14 +75,22 @@ def other_than_steps(f: Fit) -> tuple[Leaf, ...]:
 
 
 def clear(
-    c: Calibrated, none: Fit, weighed: Sequence[Weighed], zero: float, is_large: bool
+    c: Calibrated,
+    none: Fit,
+    weighed: Sequence[Weighed],
+    zero: float,
+    is_large: bool,
+    unseen: Callable[[Fit], Score],
 ) -> list[Weighed]:
-    """Those of which each effect is neither chance nor trifle beside the others; alone any, of a large gap.
+    """Those of which each effect is neither chance nor trifle beside the others; alone, any of a large gap
+    and any that `unseen` data bear out.
 
-    Where the best is a trifle itself, the others must be clear beside it. Beside steps of a signal, what else
+    A set must be clear beside each part of it and beside the best of what is simpler. Where the best is a
+    trifle itself, the others must be clear beside it. Beside steps of a signal, what else
     there may be must explain what a verdict must.
     """
     by_names = {_names(w.fit): w for w in weighed}
+    likely = sorted(weighed, key=lambda w: -w.log_evidence)
 
     def adds(w: Weighed, base: frozenset[str]) -> bool:
         f, log = (by_names[base].fit, by_names[base].log_evidence) if base else (none, zero)
@@ -88,13 +100,23 @@ def clear(
         share = partial(explained, c, f, w.fit)
         return not leaves or _isclear(asked(c), gain, trace, saved, leaves, share)
 
+    @cache
+    def is_borne_out(name: frozenset[str]) -> bool:
+        w = by_names[name]
+        nats, trace, floors, share = BORNE_OUT
+        if w.log_evidence - zero < nats or _trace(c, none, w.fit) < trace:
+            return False
+        part = unseen(w.fit)
+        return part.before > floors * part.floor and (part.shrink or 0.0) > share
+
     def isclear(w: Weighed) -> bool:
         others, names = other_than_steps(w.fit), _names(w.fit)
         if others and len(others) < len(names) and explained(c, none, w.fit) < EXPLAINED:
             return False
         if len(names) == 1:
-            return is_large or adds(w, frozenset())
-        return all(adds(w, base) for base in by_names if base < names)
+            return is_large or adds(w, frozenset()) or is_borne_out(names)
+        simpler = next((_names(x.fit) for x in likely if len(x.fit.leaves) < len(names)), names)
+        return all(adds(w, base) for base in by_names if base < names or base == simpler != names)
 
     def beside(w: Weighed, best: Weighed) -> bool:
         both = by_names.get(_names(w.fit) | _names(best.fit))
@@ -102,7 +124,10 @@ def clear(
 
     out = [w for w in weighed if isclear(w)]
     if out and not isclear(weighed[0]) and len(weighed[0].fit.leaves) == 1:
-        out = [w for w in out if beside(w, weighed[0])]
+        out = [
+            w for w in out
+            if beside(w, weighed[0]) or (len(w.fit.leaves) == 1 and is_borne_out(_names(w.fit)))
+        ]  # fmt: skip
     total = max(sum(w.probability for w in out), 1e-300)
     return [replace(w, probability=w.probability / total) for w in out]
 

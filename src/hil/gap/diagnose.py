@@ -19,9 +19,6 @@ from hil.config import RigFile
 from hil.gap.calmer import calmed
 from hil.gap.candidates import fit_candidates
 from hil.gap.diagnosis import Diagnosis
-from hil.gap.events import jumps
-from hil.gap.frames import EFFECT as LOST
-from hil.gap.frames import frames_lost
 from hil.gap.heldout import split
 from hil.gap.locate import locate
 from hil.gap.nuisances import Nuisance, default_nuisances
@@ -29,21 +26,16 @@ from hil.gap.result import Located
 from hil.gap.rounding import coarse_steps, rounded
 from hil.gap.runs import as_runs
 from hil.gap.search import Search
-from hil.gap.shares import weighed_ratio
 from hil.gap.training import begin, candidates_of
-from hil.gap.verdict import answer, no_gap, stands
+from hil.gap.verdict import answer, stands
 from hil.runs import Run
 
 Report = Callable[[str], None]
 
-STRAIN: Final = 2.6
-"""Prior standard deviations from which on a nuisance is suspected to hide an effect."""
-SUSPECT: Final = 1.2
-"""Floors on any signal from which on candidates are weighed at all."""
-STIRRED: Final = 0.5
-"""Of what is a gap alone, from which on rare events are looked for [set on training cases]."""
 DRIFT: Final = 0.25
 """Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
+SWITCHED_ON: Final = ("imu.", ".sensor_bias.offset")
+"""How the names begin and end of those that are new each time a rig is switched on: an IMU's biases [R]."""
 
 
 def diagnose(
@@ -83,7 +75,9 @@ def as_found(found: Located, priors: Sequence[Nuisance]) -> list[Nuisance]:
     out = []
     for f in found.nuisances:
         n = by_name[f.name]
-        out.append(replace(n, mean=f.change, sd=float(np.hypot(f.sd, DRIFT * n.sd))))
+        is_new = n.name.startswith(SWITCHED_ON[0]) and n.name.endswith(SWITCHED_ON[1])
+        drift = n.sd if is_new else DRIFT * n.sd
+        out.append(replace(n, mean=f.change, sd=float(np.hypot(f.sd, drift))))
     return out
 
 
@@ -103,15 +97,6 @@ def explain(
     chosen = tuple(nuisances or default_nuisances(whole.rig, whole.signals))
     steps = {} if "sensor_quantisation" in without else coarse_steps(whole)
     c, none = begin(e, parts, chosen, steps, seed)
-    if not (
-        located.is_gap
-        or steps
-        or _strained(located, chosen)
-        or weighed_ratio(located) > SUSPECT
-        or jumps(located)[1] > STIRRED
-        or (LOST not in without and frames_lost(c, none))
-    ):
-        return no_gap(located, parts.text)
     say("computing what each candidate would do")
     bank = candidates_of(c, none, without)
     is_large = stands(located, c, none)
@@ -125,11 +110,3 @@ def explain(
     if steps:
         fits = rounded(c, fits, steps)
     return answer(located, c, fits, bank, ~parts.train(whole), parts.text, seed, is_large)
-
-
-def _strained(located: Located, nuisances: Sequence[Nuisance]) -> bool:
-    """Whether a nuisance had to go further from its prior's mean than calibrations do."""
-    mean = {n.name: n.mean for n in nuisances}
-    return any(
-        f.at_bound or abs(f.change - mean[f.name]) > STRAIN * f.prior_sd for f in located.nuisances
-    )

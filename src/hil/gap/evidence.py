@@ -49,8 +49,9 @@ ALIKE: Final = 0.5
 SAME: Final = 0.15
 """Floors by which the answers of one effect under two names differ at most."""
 ODDS: Final = 1.2
-"""Such units by which the best of those is ahead of the others at most: what is that small is how this rig
-differs from the twin, not which of them it is. Laws of friction that hold one another are excepted."""
+"""Such units by which the best of those is ahead of the others at most, and again for each parameter that
+these data determine of another beyond its own: what is that small is how this rig differs from the twin, not
+which of them it is. Laws of friction that hold one another are excepted."""
 LONGEST_LAG: Final = 60
 LEAST: Final = 20
 """Samples of a series from which on its residual tells anything."""
@@ -112,7 +113,8 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
         head = int(mine[np.argmax(worth_of[mine])])
         for k in mine.tolist():
             if not nested(fits[head].leaves, fits[k].leaves) and not ends[k]:
-                worth_of[k] = max(worth_of[k], worth_of[head] - ODDS)
+                more = max(int(told[k] - told[head]), 0)
+                worth_of[k] = max(worth_of[k], worth_of[head] - ODDS * (1 + more))
     # Which effect it is comes first, all alike; each of its places has a share of that.
     worth_of -= [sum(math.log(leaf.places) for leaf in f.leaves) for f in fits]
     worth_of = np.where(real, worth_of, -np.inf if real.any() else 0.0)

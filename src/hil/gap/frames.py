@@ -7,6 +7,7 @@ counts as lost where the record has its mark rather than the twin's own motion.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -28,9 +29,9 @@ REACH: Final = 10
 ODDS: Final = 6.0
 """Nats that a frame's mark must earn: few frames are lost."""
 FEWEST: Final = 4
-MARKED: Final = 2.0
-"""Times their odds, that frames must earn to be a gap alone: on healthy rigs of two worlds they earn none
-[set on training cases]."""
+AT_ONCE: Final = 0.5
+"""Share of the lost frames of several drives that are one cycle's, from which on it was no bus that lost
+them, one by one, but a host that sent none."""
 EFFECT: Final = "lost_frames"
 SETPOINTS: Final = "bus.lost_frames.setpoints"
 ANSWERS: Final = "bus.lost_frames.answers"
@@ -50,22 +51,15 @@ def lost_answers(problem: Problem) -> float:
     return missing / max(told, 1.0)
 
 
-def frames_lost(c: Calibrated, none: Fit) -> bool:
-    """Whether setpoints were lost for sure: their marks are as rare as they are plain."""
-    found = fit_lost_frames(c, none)
-    if found is None:
-        return False
-    return none.cost(c.train) - found.cost(c.train) > MARKED * found.extra_cost
-
-
 def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
-    """`base` without the setpoints that this record says were lost; None where there are hardly any."""
+    """`base` without the setpoints that this record says were lost; None where there are hardly any, or
+    where all drives lack those of the same cycles."""
     problem = c.problem
     if any(p.mode != "position" for p in problem.pieces) or problem.rig.bus.cycle < 2e-3:
         return None
     lost = _find(c, base)
     count = sum(len(v) for one in lost for v in one.values())
-    if count < FEWEST:
+    if count < FEWEST or _at_once(problem, lost) > AT_ONCE:
         return None
     frames = sum(len(t) for p in problem.pieces for t, _ in p.setpoints.values())
     dropped = Problem(
@@ -124,6 +118,20 @@ def _find(c: Calibrated, base: Fit) -> list[Lost]:
             best = (g > ODDS) & (g >= np.roll(g, 1)) & (g > np.roll(g, -1))
             out[s][a] = np.flatnonzero(best)
     return out
+
+
+def _at_once(problem: Problem, lost: Sequence[Lost]) -> float:
+    """Share of the lost frames in whose cycle another drive's was lost as well."""
+    half = 0.5 * problem.rig.bus.cycle
+    shared, total = 0, 0
+    for piece, one in zip(problem.pieces, lost, strict=True):
+        at = {a: piece.setpoints[a][0][k] for a, k in one.items()}
+        for a, own in at.items():
+            others = np.sort(np.concatenate([np.empty(0), *(t for b, t in at.items() if b != a)]))
+            early, late = (np.searchsorted(others, own + edge) for edge in (-half, half))
+            shared += int(np.sum(late > early))
+            total += len(own)
+    return shared / max(total, 1)
 
 
 def _without(piece: Stretch, lost: Lost) -> Stretch:

@@ -42,6 +42,10 @@ OWN: Final = 0.7
 """Of what the others leave, the least that a further effect must explain, of all or on the signals that it
 alone touches: less is how laws differ."""
 
+BROUGHT_BACK: Final = 6.0
+"""Nats of the nuisances' priors that a further effect saves which had been hidden in them: on healthy records
+no effect saves more than 5 beside a few nats of evidence."""
+
 
 def joint_fits(
     c: Calibrated,
@@ -197,10 +201,15 @@ def _with_lost(
 
 def adds(c: Calibrated, fits: Sequence[Fit], joint: Fit, least: float = ADDS) -> bool:
     """Whether each effect of a set explains more than a share `least` of what the others leave, or most of it
-    on the signals that it alone touches, as far as those are among `fits`."""
+    on the signals that it alone touches, or brings nuisances back, as far as those are among `fits`."""
     names = {leaf.name for leaf in joint.leaves}
     parts = [f for f in fits if {leaf.name for leaf in f.leaves} < names]
-    return all(explained(c, f, joint) > least or _owns(c, f, joint) for f in parts)
+    return all(
+        explained(c, f, joint) > least
+        or _owns(c, f, joint)
+        or f.prior_cost - joint.prior_cost > BROUGHT_BACK
+        for f in parts
+    )
 
 
 def _owns(c: Calibrated, f: Fit, joint: Fit) -> bool:

@@ -8,20 +8,11 @@ from typing import Final
 import numpy as np
 
 from hil.gap.fitted import Calibrated, Fit, loss
-from hil.gap.result import Located
 
 FAINT: Final = 0.3
 """Squared floors of energy above the floor that are too few to speak of."""
 RARE: Final = 1.35
 """Floors of the usual residual up to which a gap is one of rare events."""
-
-
-def weighed_ratio(located: Located) -> float:
-    """Largest usual residual of a signal over its floor."""
-    e = located.evidence
-    left = e.noise.usual(e.problem, e.residual)
-    floors = e.noise.usual(e.problem, e.noise.draws)
-    return max(left[s] / floors[s] for s in left if floors[s] > 0.0)
 
 
 def largest_ratio(c: Calibrated, f: Fit) -> float:

@@ -84,7 +84,12 @@ def answer(
     none = fits[0]
     weighed, worth = weigh(c, fits)
     zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
-    weighed = clear(c, none, [w for w in weighed if w.fit.leaves], zero, is_large)
+    shown = Shown(located, none, held, np.random.default_rng(seed + 2))
+
+    def unseen(f: Fit) -> Score:
+        return shown.score(f, signals(c, none, f))
+
+    weighed = clear(c, none, [w for w in weighed if w.fit.leaves], zero, is_large, unseen)
     if not weighed:
         found = _nothing_like_it(located, held_out) if is_large else _small(located, held_out)
         return replace(found, not_excited=not_excited(c, bank))
@@ -96,9 +101,7 @@ def answer(
         sentence = "No gap but that clocks differ by less than 20 ppm, as any two do."
         found = replace(no_gap(located, held_out), sentence=sentence)
         return replace(found, not_excited=not_excited(c, bank))
-    rng = np.random.default_rng(seed + 2)
-    shown = Shown(located, none, held, rng)
-    part = shown.score(first, signals(c, none, first))
+    part = unseen(first)
     whole = shown.score(first, c.problem.signals)
     unknown, varies = doubt(c, none, first, Told(share, gain, part), bank, worth)
     if unknown > 0.5 and by_share(share, gain) > 0.5 and not is_large:
@@ -131,9 +134,12 @@ def _is_crystals(f: Fit) -> bool:
 
 
 def _is_faint(unseen: Score) -> bool:
-    """Whether unseen data hardly show a gap, and do not bear out what explains the seen one."""
-    is_seen = unseen.before > STANDS * unseen.floor
-    return not is_seen and unseen.shrink is not None and unseen.shrink < HOLDS
+    """Whether unseen data hardly show a gap, and do not bear out what explains the seen one: less than a
+    verdict needs goes there, and that might be chance."""
+    if unseen.shrink is None or unseen.before > STANDS * unseen.floor:
+        return False
+    is_sure = unseen.shrink_ci is not None and unseen.shrink_ci[0] > 0.0
+    return unseen.shrink < HOLDS and not is_sure
 
 
 def _surely(s: SignalGap) -> float:

@@ -14,7 +14,7 @@ from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
 from hil.gap.bicycle.noise import tempered, with_tolerances
 from hil.gap.bicycle.sets import fit_sets
-from hil.gap.diagnose import STRAIN, as_found
+from hil.gap.diagnose import as_found
 from hil.gap.diagnosis import Cause, Diagnosis
 from hil.gap.doubt import STANDS, chance, least_explained
 from hil.gap.evidence import MORE
@@ -40,6 +40,8 @@ HOLDS: Final = 0.05
 SEVERAL_HOLD: Final = 0.7
 """Held-out shrink below which one effect and a set are withdrawn: with two effects much can be bent to fit
 what was seen [set on training cases]."""
+STRAIN: Final = 2.6
+"""Prior standard deviations from which on a nuisance has gone further than calibrations leave anything."""
 UNSAID: Final = 1.3
 """Floors, tolerances among them, from which on a signal is off although no candidate explains it: how well a
 record tells its own noise, twice over [set on training cases]."""

@@ -1,0 +1,76 @@
+"""Springs, gaps and limits whose answer no linear picture shows: looked for one by one, each replayed.
+
+A load that swings on its transmission answers to what excited it seconds before; a spring that swings a
+little faster answers out of step, which is worse than none. Flanks meet at other instants in a gap that is a
+little wider, and beside gaps of other actuators at others again. A limit that is a hundredth too low is hit
+where the rig was free. Only a replay of each tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.about import is_swinging
+from hil.gap.fitted import Calibrated, Fit, replay_cost, spread_of
+from hil.gap.leaves import Leaf, spring
+from hil.gap.nature import LIMITS
+
+Array = NDArray[np.float64]
+
+SWINGS_HZ: Final = tuple(3.0 * 1.2**k for k in range(15))
+HARDER: Final = (0.0, 0.1, 0.3, 0.8)
+"""How much a spring may stiffen: the more it is wound up, the faster it swings."""
+GAP: Final = "backlash"
+CLOSER: Final = (0.94, 0.96, 0.98, 1.0, 1.02)
+"""Times the starts of a limit."""
+STANDS: Final = 2.0
+"""Floors on a signal of an actuator, or of the IMU, from which on it is asked whether it swings."""
+KNOCKS: Final = 1.2
+"""The same of gaps and limits: flanks meet, and limits are hit, for moments."""
+MOST: Final = 2
+"""Actuators that are asked for each: those whose signals stand most above their floors."""
+
+
+def suspects(c: Calibrated, none: Fit, leaves: Sequence[Leaf]) -> list[Leaf]:
+    """The springs, gaps and limits among `leaves` where most is left without effects, worst first."""
+    left = c.noise.weighted_rms(c.problem, none.residual)
+    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    worst: dict[str, float] = {}
+    for x in c.problem.series:
+        if floors[x.signal] > 0.0:
+            ratio = left[x.signal] / floors[x.signal]
+            worst[x.actuator] = max(worst.get(x.actuator, 0.0), ratio)
+    ranked = sorted(leaves, key=lambda x: -worst.get(x.location, 0.0))
+    springs = [
+        x for x in ranked if is_swinging(x.parameters) and worst.get(x.location, 0.0) > STANDS
+    ]
+    hit = [x for x in ranked if worst.get(x.location, 0.0) > KNOCKS]
+    gaps = [x for x in hit if x.effect == GAP]
+    limits = [x for x in hit if x.effect in LIMITS]
+    return springs[:MOST] + gaps[:MOST] + limits[: 2 * MOST]
+
+
+def least_left(c: Calibrated, none: Fit, leaf: Leaf) -> dict[str, float]:
+    """Values of the parameters of `leaf` that leave least; empty where all are worse than none."""
+    table, problem = c.problem.table, c.problem
+    index = [table.index(n) for n in leaf.parameters]
+    if leaf.effect == GAP:
+        some = [tuple(s.columns[0].values()) for s in leaf.starts]
+    elif leaf.effect in LIMITS:
+        starts = [value for s in leaf.starts for value in s.columns[0].values()]
+        some = [(value * near,) for value in starts for near in CLOSER]
+    else:
+        a = next(x for x in problem.rig.actuators if x.name == leaf.location)
+        some = [(*spring(a, f), h) for f in SWINGS_HZ for h in HARDER]
+    rows = np.tile(none.vector, (len(some), 1))
+    rows[:, index] = some
+    spread = spread_of(c, none.white)
+    costs = [replay_cost(c, answer, spread) for answer in problem.answers(rows)]
+    best = int(np.argmin(costs))
+    if costs[best] >= replay_cost(c, problem.measured - none.residual, spread):
+        return {}
+    return dict(zip(leaf.parameters, some[best], strict=True))
