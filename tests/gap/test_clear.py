@@ -1,0 +1,55 @@
+"""Which weighed fits are findings: what unseen data bear out, and sets that a simpler one does as well."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+import hil.gap.clear as module
+from hil.gap.clear import clear
+from hil.gap.evidence import Weighed
+
+
+def weighed(nats: float, *names: str, prior: float = 0.0) -> Weighed:
+    """A fit of effects by name, with what it moves told by `traces`."""
+    leaves = tuple(SimpleNamespace(effect=n, location="axis", name=f"axis.{n}") for n in names)
+    return Weighed(SimpleNamespace(leaves=leaves, prior_cost=prior), nats, 0.5)
+
+
+@pytest.fixture
+def found(monkeypatch):
+    """What is clear of some, each a trace of so many floors; `seen` on unseen data, (before, shrink)."""
+
+    def ask(some, trace, seen=(1.0, None), is_large=False):
+        monkeypatch.setattr(module, "traces", lambda c, none, f: {"axis.force": trace})
+        monkeypatch.setattr(module, "explained", lambda *a, **k: 0.5)
+        c = SimpleNamespace(problem=SimpleNamespace(discount=20.0))
+        none = SimpleNamespace(leaves=(), prior_cost=0.0)
+        before, shrink = seen
+        part = SimpleNamespace(before=before, floor=1.0, shrink=shrink)
+        kept = clear(c, none, some, 0.0, is_large, lambda f: part)
+        return [tuple(x.effect for x in w.fit.leaves) for w in kept]
+
+    return ask
+
+
+def test_a_mass_that_unseen_data_bear_out_is_found_and_else_not(found):
+    heavy = [weighed(8.0, "payload_mass")]
+    assert found(heavy, 0.7, seen=(2.5, 0.95)) == [("payload_mass",)]
+    assert found(heavy, 0.7, seen=(2.5, 0.3)) == []
+    assert found(heavy, 0.7, seen=(1.2, 0.95)) == []
+    assert found([weighed(3.0, "payload_mass")], 0.7, seen=(2.5, 0.95)) == []
+
+
+def test_what_nuisances_swallowed_all_but_a_trace_is_found_by_its_evidence(found):
+    turned = [weighed(25.0, "sensor_misalignment")]
+    assert found(turned, 0.2) == [("sensor_misalignment",)]
+    assert found([weighed(15.0, "sensor_misalignment")], 0.2) == []
+
+
+def test_a_set_must_be_clear_beside_what_is_simpler_and_as_good(found):
+    some = [weighed(160.0, "loop_gain", "sensor_scale"), weighed(145.0, "force_constant"),
+            weighed(118.0, "loop_gain")]  # fmt: skip
+    assert ("loop_gain", "sensor_scale") not in found(some, 0.9, is_large=True)
+    assert ("loop_gain", "sensor_scale") in found(some, 1.4, is_large=True)

@@ -1,0 +1,59 @@
+"""What no linear picture shows is found by replays; frames that all drives lack were never sent."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hil.gap import diagnose
+from hil.gap.frames import _at_once
+from hil.gap.heldout import split
+from hil.gap.locate import locate
+from hil.gap.nuisances import default_nuisances
+from hil.gap.replayed import least_left, suspects
+from hil.gap.training import begin, candidates_of
+from tests.gap.twin_runs import AXIS, effect, record
+
+
+def scanned(frame, name: str) -> dict[str, float]:
+    """What the scan finds for the candidate `name`, if it is asked."""
+    e = locate(frame, AXIS).evidence
+    parts = split(e.problem, e.noise, e.residual)
+    c, none = begin(e, parts, default_nuisances(AXIS, e.problem.signals), {}, 0)
+    asked = suspects(c, none, candidates_of(c, none, ()).leaves)
+    found = [least_left(c, none, leaf) for leaf in asked if leaf.name == name]
+    return found[0] if found else {}
+
+
+def test_a_wide_gap_is_found_by_replaying_each_width():
+    found = scanned(record(effect("backlash", gap=9e-4)), "axis.backlash")
+    assert found["axis.backlash.gap"] == pytest.approx(9e-4, rel=0.3)
+
+
+def test_a_speed_limit_that_is_seldom_hit_is_found_by_replays():
+    found = diagnose(record(effect("velocity_saturation", limit=0.115)), AXIS)
+    assert [x.effect for x in found.effects] == ["velocity_saturation"]
+    assert found.effects[0].parameters["limit"].value == pytest.approx(0.115, rel=0.02)
+
+
+def test_nobody_is_suspected_on_a_healthy_record():
+    e = locate(record(), AXIS).evidence
+    parts = split(e.problem, e.noise, e.residual)
+    c, none = begin(e, parts, default_nuisances(AXIS, e.problem.signals), {}, 0)
+    assert suspects(c, none, candidates_of(c, none, ()).leaves) == []
+
+
+def test_frames_of_the_same_cycles_were_lost_by_no_bus():
+    sent = np.arange(100) * 0.01
+    legs = {f"leg{k}": (sent + 0.0003 * k, sent) for k in range(3)}
+    problem = SimpleNamespace(
+        rig=SimpleNamespace(bus=SimpleNamespace(cycle=0.01)),
+        pieces=[SimpleNamespace(setpoints=legs)],
+    )
+    stall = {a: np.array([10, 40, 70]) for a in legs}
+    apart = {a: np.array([10 + k, 40 + 3 * k, 70 + 5 * k]) for k, a in enumerate(legs)}
+    assert _at_once(problem, [stall]) == 1.0
+    assert _at_once(problem, [apart]) == 0.0
+    assert _at_once(problem, [{"leg0": np.array([3])}]) == 0.0
