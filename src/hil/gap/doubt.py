@@ -33,9 +33,10 @@ HOLDS: Final = 0.4
 what is none of the catalogue is bent to fit what was seen and takes less off what was not [set on training
 cases and on the EMPS axis, where the published offset takes 0.46]. Steps of a signal are seen in its values:
 they need none."""
-BORNE_OUT: Final = (0.6, 0.95)
-FEW: Final = (0.2, 0.08)
-"""Held-out shrinks from which on less of the seen gap's energy must be explained."""
+BORNE_OUT: Final = (0.5, 0.95)
+FEW: Final = 0.08
+"""Held-out shrinks between which ever less of the seen gap's energy must be explained, and how little in the
+end."""
 STANDS: Final = 1.3
 WELL: Final = (0.8, 0.95)
 """Shares explained of what was seen, between which HOLDS falls to HARMLESS: impacts come at other instants in
@@ -117,9 +118,7 @@ def is_beyond(leaves: Sequence[Leaf], f: Fit) -> bool:
 def least_explained(shrink: float | None, usual: float = EXPLAINED) -> float:
     """Share of the seen gap that must be explained, half of the time, where `shrink` goes off unseen data;
     `usual` where those do not bear it out."""
-    if shrink is None or shrink <= BORNE_OUT[0]:
-        return usual
-    return float(np.interp(shrink, BORNE_OUT, FEW))
+    return usual if shrink is None else float(np.interp(shrink, BORNE_OUT, (usual, FEW)))
 
 
 def by_share(share: float, gain: float) -> float:
