@@ -5,9 +5,10 @@
 
 One row a case: what it is and what was said; of the best candidate, right or wrong, the share of the seen
 gap that it explains (`hil.gap.doubt`: EXPLAINED, FEW), what it takes off unseen data (HOLDS, BORNE_OUT),
-how much of it varies (VARIES), its nats and the floors of its trace (`hil.gap.clear`: COUNTED, IN_FULL);
-the largest signal in floors (`hil.gap.verdict`: LARGE), how loud the record is beside
-the noise model (`hil.gap.loudness`: LEVEL_RANGE, LOUDEST), and its lone samples (`hil.gap.events`: WILD,
+how much of it varies (VARIES), its nats, the floors of its trace and the nats of priors that it saves
+(`hil.gap.clear`: COUNTED, BORNE_OUT), and how high unseen data stand without it; what the nuisances' priors
+cost without it (decision 6; half a sum of squares); the largest signal in floors (`hil.gap.verdict`: LARGE),
+how loud the record is beside the noise model (`hil.gap.loudness`: LEVEL_RANGE, LOUDEST), and its lone samples (`hil.gap.events`: WILD,
 STRUCK, HELD; 1 is a gap). Then their quantiles by kind of case. Rows are kept as they come and never made
 twice. Meant for tuning seeds, from 1000 on, never for an exam's.
 """
@@ -18,45 +19,58 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from hil.errors import HilError
 from hil.exam.case import ANSWER, case_folders, load_case, read_answer
 from hil.exam.paper import Paper
-from hil.gap import Diagnosis, diagnose
+from hil.gap.causes import Shown
+from hil.gap.clear import signals
 from hil.gap.constancy import variation
+from hil.gap.diagnose import Considered, consider
 from hil.gap.doubt import explained_share
 from hil.gap.events import jumps
 from hil.gap.evidence import weigh
+from hil.gap.fitted import Fit
 from hil.gap.heldout import traces
-from hil.gap.training import candidates_of
 
-SIGNS = ("share", "unseen", "varies", "nats", "trace", "floors", "loud", "lone")
+SIGNS = (
+    "share", "unseen", "stands", "varies", "nats", "trace", "saved", "priors", "floors", "loud", "lone"
+)  # fmt: skip
 
 
-def signs(found: Diagnosis) -> dict[str, float]:
-    """What the doubt and the noise of one diagnosis are made of, as far as it came to that."""
+def signs(x: Considered) -> tuple[Fit | None, dict[str, float]]:
+    """The best candidate, and what the doubt and the noise of one diagnosis are made of."""
+    c, none = x.calibrated, x.fits[0]
     out = {
-        "floors": max(s.ratio for s in found.located.signals),
+        "floors": max(s.ratio for s in x.located.signals),
         "loud": max(
-            (x.factor for x in found.located.evidence.noise.levels.values()), default=float("nan")
+            (level.factor for level in x.located.evidence.noise.levels.values()),
+            default=float("nan"),
         ),
-        "lone": jumps(found.located)[1],
+        "lone": jumps(x.located)[1],
+        "priors": none.prior_cost,
     }
-    c, none, best = found.calibrated, found.none, found.best
-    if c is None or none is None or best is None:
-        return out
-    weighed, worth = weigh(c, [none, best])
-    logs = {len(w.fit.leaves): w.log_evidence for w in weighed}
-    out["nats"] = logs[len(best.leaves)] - logs[0]
+    weighed, worth = weigh(c, x.fits)
+    zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
+    first = next((w for w in weighed if w.fit.leaves), None)
+    if first is None:
+        return None, out
+    best = first.fit
+    out["nats"] = first.log_evidence - zero
     out["share"] = explained_share(c, none, best, out["nats"])
     out["trace"] = max(traces(c, none, best).values())
-    varies = variation(c, none, best, candidates_of(c, none, ()), worth)
+    out["saved"] = none.prior_cost - best.prior_cost
+    varies = variation(c, none, best, x.bank, worth)
     if varies is not None:
         out["varies"] = varies.share
-    if found.score is not None and found.score.shrink is not None:
-        out["unseen"] = found.score.shrink
-    return out
+    shown = Shown(x.located, none, x.held, np.random.default_rng(2))
+    part = shown.score(best, signals(c, none, best))
+    out["stands"] = part.before / part.floor if part.floor > 0.0 else float("nan")
+    if part.shrink is not None:
+        out["unseen"] = part.shrink
+    return best, out
 
 
 def row_of(folder: Path) -> dict[str, Any]:
@@ -64,16 +78,18 @@ def row_of(folder: Path) -> dict[str, Any]:
     case = load_case(folder)
     answer = read_answer(folder.parents[1] / "answers" / folder.name / ANSWER)
     try:
-        found = diagnose(case.runs, case.rig, references=case.references)
+        x = consider(case.runs, case.rig, references=case.references)
+        found = answer(x.located, x.calibrated, x.fits, x.bank, x.held, x.held_out, 0, x.is_large)
     except HilError as error:
         return {"case": folder.name, "said": f"error: {error}"}
     paper = Paper(folder.name, answer, found.tables())
-    nearest = [] if found.best is None else list(found.best.leaves)
+    best, told = signs(x)
+    nearest = [] if best is None else list(best.leaves)
     return {
         "case": folder.name, "kind": paper.kind, "severity": paper.severity, "said": found.verdict,
         "nearest": " + ".join(x.name for x in nearest),
         "is_right": {(x.effect, x.location) for x in nearest} == set(paper.truth),
-        **signs(found),
+        **told,
     }  # fmt: skip
 
 

@@ -4,19 +4,23 @@ import pandas as pd
 import pytest
 from benchmarks.gap_signs import signs, table
 
-from hil.gap import diagnose
+from hil.gap.diagnose import consider
 from tests.gap.twin_runs import AXIS, effect, record
 
 
 def test_signs_of_friction_and_of_a_healthy_axis():
-    found = signs(diagnose(record(effect("coulomb_friction", force=40.0)), AXIS))
+    best, found = signs(consider(record(effect("coulomb_friction", force=40.0)), AXIS))
+    assert best is not None
+    assert best.leaves[0].effect == "coulomb_friction"
     assert found["share"] > 0.9
     assert found["unseen"] > 0.9
+    assert found["stands"] > 1.5
     assert found["nats"] > 15.0
     assert found["floors"] > 2.0
-    healthy = signs(diagnose(record(), AXIS))
-    assert set(healthy) == {"floors", "loud", "lone"}
+    _, healthy = signs(consider(record(), AXIS))
     assert healthy["floors"] < 1.5
+    assert healthy["nats"] < 10.0
+    assert healthy["priors"] < 10.0
 
 
 def test_quantiles_stand_by_kind():

@@ -9,16 +9,19 @@ fit has seen. docs/gap.md says why each is done so.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from hil.config import RigFile
+from hil.gap.bank import Bank
 from hil.gap.calmer import calmed
 from hil.gap.candidates import fit_candidates
 from hil.gap.diagnosis import Diagnosis
+from hil.gap.fitted import Calibrated, Fit
 from hil.gap.heldout import split
 from hil.gap.locate import locate
 from hil.gap.nuisances import Nuisance, default_nuisances
@@ -38,6 +41,23 @@ SWITCHED_ON: Final = ("imu.", ".sensor_bias.offset")
 """How the names begin and end of those that are new each time a rig is switched on: an IMU's biases [R]."""
 
 
+@dataclass(frozen=True, slots=True)
+class Considered:
+    """All that a verdict is made of: what was located, and the candidates that were fitted."""
+
+    located: Located
+    calibrated: Calibrated
+    fits: tuple[Fit, ...]
+    """The first is the twin without effects."""
+    bank: Bank
+    held: NDArray[np.bool_]
+    """(N,) samples that no fit has seen."""
+    held_out: str
+    """What those are, in words."""
+    is_large: bool
+    """Whether the gap stands by itself, whatever explains it."""
+
+
 def diagnose(
     runs: Run | pd.DataFrame | Iterable[Run | pd.DataFrame],
     rig: RigFile,
@@ -53,6 +73,20 @@ def diagnose(
     answer is what has changed since. `without`: effects that must not be considered. `report` is told
     each step. Equal `seed`, equal answer. IdentificationError where the data cannot carry an answer.
     """
+    x = consider(runs, rig, references=references, without=without, seed=seed, report=report)
+    return answer(x.located, x.calibrated, x.fits, x.bank, x.held, x.held_out, seed, x.is_large)
+
+
+def consider(
+    runs: Run | pd.DataFrame | Iterable[Run | pd.DataFrame],
+    rig: RigFile,
+    *,
+    references: Run | pd.DataFrame | Iterable[Run | pd.DataFrame] = (),
+    without: Collection[str] = (),
+    seed: int = 0,
+    report: Report | None = None,
+) -> Considered:
+    """All that `diagnose` says its verdict on; arguments as there."""
     say = report or (lambda _: None)
     loaded = as_runs(runs, rig)
     healthy = as_runs(references, rig)
@@ -63,34 +97,6 @@ def diagnose(
         nuisances = as_found(found, default_nuisances(rig, found.evidence.problem.signals))
     say("locating the gap")
     located = locate(loaded, rig, nuisances=nuisances, healthy=found, seed=seed)
-    return explain(located, nuisances, without=without, seed=seed, report=say)
-
-
-def as_found(found: Located, priors: Sequence[Nuisance]) -> list[Nuisance]:
-    """Nuisances as references leave them: where they stand, and as wide as they may still drift.
-
-    `found`: the references located with `priors`.
-    """
-    by_name = {n.name: n for n in priors}
-    out = []
-    for f in found.nuisances:
-        n = by_name[f.name]
-        is_new = n.name.startswith(SWITCHED_ON[0]) and n.name.endswith(SWITCHED_ON[1])
-        drift = n.sd if is_new else DRIFT * n.sd
-        out.append(replace(n, mean=f.change, sd=float(np.hypot(f.sd, drift))))
-    return out
-
-
-def explain(
-    located: Located,
-    nuisances: Sequence[Nuisance] | None = None,
-    *,
-    without: Collection[str] = (),
-    seed: int = 0,
-    report: Report | None = None,
-) -> Diagnosis:
-    """The diagnosis of what `locate` found, whose `nuisances` are given."""
-    say = report or (lambda _: None)
     e = located.evidence
     whole = e.problem
     parts = split(whole, e.noise, e.residual)
@@ -109,4 +115,20 @@ def explain(
         fits = fit_candidates(c, none, Search(c, bank), without, say)
     if steps:
         fits = rounded(c, fits, steps)
-    return answer(located, c, fits, bank, ~parts.train(whole), parts.text, seed, is_large)
+    held = ~parts.train(whole)
+    return Considered(located, c, tuple(fits), bank, held, parts.text, is_large)
+
+
+def as_found(found: Located, priors: Sequence[Nuisance]) -> list[Nuisance]:
+    """Nuisances as references leave them: where they stand, and as wide as they may still drift.
+
+    `found`: the references located with `priors`.
+    """
+    by_name = {n.name: n for n in priors}
+    out = []
+    for f in found.nuisances:
+        n = by_name[f.name]
+        is_new = n.name.startswith(SWITCHED_ON[0]) and n.name.endswith(SWITCHED_ON[1])
+        drift = n.sd if is_new else DRIFT * n.sd
+        out.append(replace(n, mean=f.change, sd=float(np.hypot(f.sd, drift))))
+    return out
