@@ -8,9 +8,9 @@ gap that it explains (`hil.gap.doubt`: EXPLAINED, FEW), what it takes off unseen
 how much of it varies (VARIES), its nats, the floors of its trace and the nats of priors that it saves
 (`hil.gap.clear`: COUNTED, BORNE_OUT), and how high unseen data stand without it; what the nuisances' priors
 cost without it (decision 6; half a sum of squares); the largest signal in floors (`hil.gap.verdict`: LARGE),
-how loud the record is beside the noise model (`hil.gap.loudness`: LEVEL_RANGE, LOUDEST), and its lone samples (`hil.gap.events`: WILD,
-STRUCK, HELD; 1 is a gap). Then their quantiles by kind of case. Rows are kept as they come and never made
-twice. Meant for tuning seeds, from 1000 on, never for an exam's.
+how loud the record is beside the noise model (`hil.gap.loudness`: LEVEL_RANGE, LOUDEST), and its lone
+samples (`hil.gap.events`: WILD, STRUCK, HELD; 1 is a gap). Then their quantiles by kind of case. Rows are
+kept as they come and never made twice. Meant for tuning seeds, from 1000 on, never for an exam's.
 """
 
 from __future__ import annotations

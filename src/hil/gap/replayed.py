@@ -28,7 +28,7 @@ GAP: Final = "backlash"
 CLOSER: Final = (0.94, 0.96, 0.98, 1.0, 1.02)
 """Times the starts of a limit."""
 STANDS: Final = 2.0
-"""Floors on a signal of an actuator, or of the IMU, from which on it is asked whether it swings."""
+"""Floors on a signal of an actuator from which on it is asked whether it swings."""
 KNOCKS: Final = 1.2
 """The same of gaps and limits: flanks meet, and limits are hit, for moments."""
 MOST: Final = 2

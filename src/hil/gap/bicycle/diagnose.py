@@ -115,7 +115,7 @@ def _weighed(
     seed: int,
     say: Callable[[str], None],
 ) -> Diagnosis:
-    """As `hil.gap.diagnose.explain`, with the sets that rides ask for."""
+    """As `hil.gap.diagnose.consider` and a verdict, with the sets that rides ask for."""
     e = located.evidence
     parts = split(e.problem, e.noise, e.residual)
     c, none = begin(e, parts, chosen, {}, seed)
@@ -204,7 +204,7 @@ def _unsaid(found: Diagnosis, noise: NoiseModel) -> Diagnosis:
 def _by_energy(found: Diagnosis) -> Diagnosis:
     """The same with the chance of an unknown cause by the share of the gap's energy on the training data.
 
-    A ride's gap stands in few seconds, tens of floors high; `explain` counts in nats, in which those few
+    A ride's gap stands in few seconds, tens of floors high; evidence counts in nats, in which those few
     seconds are little. What is left of the energy says whether a cause is missing.
     """
     c, none, best = found.calibrated, found.none, found.best
