@@ -2,8 +2,9 @@
 
 If a were the truth, how near could the twin with b come? Both answer the motion; what b's own parameters and
 the nuisances can make up for is taken out in the linear picture of `hil.gap.search`, with the nuisances held
-by their priors; what is left, whitened by the floor, is the distance. From the distances follows the
-posterior to be expected, and from that how often one candidate alone would be left.
+by their priors; what is left, whitened by the floor, its samples counted as a diagnosis counts them, is the
+distance. From the distances follows the posterior to be expected, and from that how often one candidate
+alone would be left.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from hil.config import RigFile
-from hil.gap.evidence import RANGE, TEMPER
+from hil.gap.evidence import RANGE
 from hil.gap.next.candidates import Candidate, vector_of
 from hil.gap.next.sketches import Sketch
 from hil.gap.noise import NoiseModel, find_noise
@@ -30,8 +31,6 @@ from hil.sim.twin import Payload
 
 Array = NDArray[np.float64]
 
-WORTH: Final = 100.0
-"""Samples of a signal that count at most: what the twin misses everywhere does not average out [R]."""
 CLEAR: Final = 0.95
 """Probability from which on a candidate stands alone."""
 PAYLOAD_SHARE: Final = 0.15
@@ -145,23 +144,22 @@ def split_between(
     white = noise.whiten(problem, answers.T)
     bank = problem.jacobian([n.name for n in nuisances], vectors[0], answers[0])
     A = noise.whiten(problem, bank) * np.array([n.sd for n in nuisances])
-    n = len(candidates)
+    n, counted = len(candidates), problem.discount
     square, freedom = np.zeros((n, n)), np.zeros(n)
     for b, candidate in enumerate(candidates):
         names = list(candidate.values)
         sizes = np.array([_size(problem.table[k], v) for k, v in candidate.values.items()])
         own = problem.jacobian(names, vectors[b], answers[b])
         M = np.hstack([A, noise.whiten(problem, own) * sizes])[problem.kept]
-        H = M.T @ M + np.eye(M.shape[1])
+        H = M.T @ M / counted + np.eye(M.shape[1])
         spread = np.sqrt(np.diag(np.linalg.inv(H))[-len(names) :])
-        freedom[b] = np.sum(np.log(np.minimum(np.sqrt(2.0 * np.pi * TEMPER) * spread / RANGE, 1.0)))
+        freedom[b] = np.sum(np.log(np.minimum(np.sqrt(2.0 * np.pi) * spread / RANGE, 1.0)))
         for a in range(n):
             if a != b:
-                d = white[:, a] - white[:, b]
-                step = np.linalg.solve(H, M.T @ d[problem.kept])
-                left = np.zeros(problem.size)
-                left[problem.kept] = d[problem.kept] - M @ step
-                square[a, b] = _counted(problem, noise, left) + float(step @ step) / TEMPER
+                d = (white[:, a] - white[:, b])[problem.kept]
+                step = np.linalg.solve(H, M.T @ d / counted)
+                left = d - M @ step
+                square[a, b] = float(left @ left) / counted + float(step @ step)
     prior = np.array([c.probability for c in candidates])
     log = np.log(prior) - 0.5 * square + freedom
     posterior = np.exp(log - log.max(axis=1, keepdims=True))
@@ -175,16 +173,3 @@ def _size(p: Parameter, value: float) -> float:
     neutral = p.to_search(p.neutral) if np.isfinite(p.neutral) else 0.0
     far = abs(x - neutral) if np.isfinite(neutral) else abs(x)
     return max(far, abs(p.to_search(p.scale)) * 0.1, 1e-12)
-
-
-def _counted(problem: Problem, noise: NoiseModel, white: Array) -> float:
-    """Squares of a whitened difference, each signal's mean times what its samples are worth."""
-    total = 0.0
-    for signal in problem.signals:
-        energy, count = 0.0, 0
-        for x in problem.series:
-            if x.signal == signal:
-                energy += float(white[x.part] @ white[x.part])
-                count += int(problem.kept[x.part].sum())
-        total += energy / max(count, 1) * min(count / TEMPER, WORTH)
-    return total
