@@ -25,7 +25,7 @@ SWINGS_HZ: Final = tuple(3.0 * 1.2**k for k in range(15))
 HARDER: Final = (0.0, 0.1, 0.3, 0.8)
 """How much a spring may stiffen: the more it is wound up, the faster it swings."""
 GAP: Final = "backlash"
-CLOSER: Final = (0.94, 0.96, 0.98, 1.0, 1.02)
+CLOSER: Final = (0.96, 0.98, 1.0)
 """Times the starts of a limit."""
 STANDS: Final = 2.0
 """Floors on a signal of an actuator from which on it is asked whether it swings."""
@@ -51,7 +51,7 @@ def suspects(c: Calibrated, none: Fit, leaves: Sequence[Leaf]) -> list[Leaf]:
     hit = [x for x in ranked if worst.get(x.location, 0.0) > KNOCKS]
     gaps = [x for x in hit if x.effect == GAP]
     limits = [x for x in hit if x.effect in LIMITS]
-    return springs[:MOST] + gaps[:MOST] + limits[: 2 * MOST]
+    return springs[:MOST] + gaps[:MOST] + limits[:MOST]
 
 
 def least_left(c: Calibrated, none: Fit, leaf: Leaf) -> dict[str, float]:
