@@ -9,10 +9,13 @@ import pandas as pd
 import pytest
 
 from hil.cli.gap_diagnose import all_but
+from hil.configfile import load_rig
 from hil.errors import IdentificationError, RunError
 from hil.gap import diagnose, locate
 from hil.gap.leaves import find_leaves
 from hil.gap.rounding import step_of
+from hil.rigs import Manipulator
+from hil.sim import Twin
 from hil.ui.diagnosis_page import diagnosis_page
 from tests.gap.twin_runs import AXIS, effect, record
 
@@ -143,3 +146,29 @@ def test_viscous_friction_of_either_direction_is_found_where_it_alone_is_asked_f
     (cause,) = found.effects
     assert cause.effect == "asymmetric_viscous_friction"
     assert cause.parameters["positive"].value == pytest.approx(260.0, rel=0.15)
+
+
+def test_actuators_that_never_move_are_left_out_of_the_answer():
+    rig = load_rig("motorcycle")
+    sent = np.arange(0.0, 9.0, rig.bus.cycle)
+    home = Manipulator(rig).inverse(np.zeros(3))
+    sway = 0.06 * np.clip(sent - 0.5, 0.0, 1.0) * (np.sin(2.0 * sent) + 0.3 * np.sin(7.0 * sent))
+    told = {a: np.full(len(sent), rho) for a, rho in zip(rig.actuator_names, home, strict=True)}
+    told["slide"] = told["slide"] + sway
+    stamps = {f"{a}.{q}": sent + 0.003 for a in told for q in ("position", "force")}
+    heavy = effect("actuator_inertia", "slide", mass=90.0)
+    twin = Twin(rig.model_copy(update={"effects": (heavy,)}))
+    values = twin.replay({a: (sent, v) for a, v in told.items()}, stamps)
+    rng = np.random.default_rng(4)
+    columns = {"t": sent} | {f"{a}.setpoint": v for a, v in told.items()}
+    late = {"t": sent + 0.003}
+    for name, v in values.items():
+        spread = rig.noise.position if name.endswith("position") else rig.noise.force
+        late[name] = v + spread * rng.standard_normal(len(v))
+    run = pd.concat([pd.DataFrame(columns), pd.DataFrame(late)]).sort_values("t", kind="stable")
+    found = diagnose(run.reset_index(drop=True), rig)
+    assert found.best is not None
+    signals = found.tables()["gap"]["signals"]
+    assert "slide.force" in signals
+    assert "leg1.position" not in signals
+    assert all(np.isfinite(s["after"]) for s in signals.values())

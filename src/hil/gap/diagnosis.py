@@ -132,9 +132,11 @@ class Diagnosis:
         if c is None or best is None:
             return {}
         out: dict[str, list[Array]] = {}
+        judged = {s.signal for s in self.located.signals}  # none of an actuator that never moves
         for x in c.problem.series:
             kept = c.problem.kept[x.part]
-            out.setdefault(x.signal, []).append(best.residual[x.part][kept])
+            if x.signal in judged:
+                out.setdefault(x.signal, []).append(best.residual[x.part][kept])
         return {k: float(np.sqrt(np.mean(np.concatenate(v) ** 2))) for k, v in out.items()}
 
     def _classes(self) -> list[list[str]]:
