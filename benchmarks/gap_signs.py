@@ -79,7 +79,7 @@ def row_of(folder: Path) -> dict[str, Any]:
     answer = read_answer(folder.parents[1] / "answers" / folder.name / ANSWER)
     try:
         x = consider(case.runs, case.rig, references=case.references)
-        found = answer(x.located, x.calibrated, x.fits, x.bank, x.held, x.held_out, 0, x.is_large)
+        found = x.answer()
     except HilError as error:
         return {"case": folder.name, "said": f"error: {error}"}
     paper = Paper(folder.name, answer, found.tables())

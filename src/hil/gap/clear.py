@@ -115,8 +115,8 @@ def clear(
             return False
         if len(names) == 1:
             return is_large or adds(w, frozenset()) or is_borne_out(names)
-        simpler = next((_names(x.fit) for x in likely if len(x.fit.leaves) < len(names)), names)
-        return all(adds(w, base) for base in by_names if base < names or base == simpler != names)
+        simpler = next((_names(x.fit) for x in likely if len(x.fit.leaves) < len(names)), None)
+        return all(adds(w, base) for base in by_names if base < names or base == simpler)
 
     def beside(w: Weighed, best: Weighed) -> bool:
         both = by_names.get(_names(w.fit) | _names(best.fit))

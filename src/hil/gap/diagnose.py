@@ -57,6 +57,13 @@ class Considered:
     is_large: bool
     """Whether the gap stands by itself, whatever explains it."""
 
+    def answer(self, seed: int = 0) -> Diagnosis:
+        """The verdict on it."""
+        return answer(
+            self.located, self.calibrated, self.fits, self.bank, self.held, self.held_out, seed,
+            self.is_large,
+        )  # fmt: skip
+
 
 def diagnose(
     runs: Run | pd.DataFrame | Iterable[Run | pd.DataFrame],
@@ -73,8 +80,8 @@ def diagnose(
     answer is what has changed since. `without`: effects that must not be considered. `report` is told
     each step. Equal `seed`, equal answer. IdentificationError where the data cannot carry an answer.
     """
-    x = consider(runs, rig, references=references, without=without, seed=seed, report=report)
-    return answer(x.located, x.calibrated, x.fits, x.bank, x.held, x.held_out, seed, x.is_large)
+    found = consider(runs, rig, references=references, without=without, seed=seed, report=report)
+    return found.answer(seed)
 
 
 def consider(

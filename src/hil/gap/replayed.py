@@ -26,7 +26,7 @@ HARDER: Final = (0.0, 0.1, 0.3, 0.8)
 """How much a spring may stiffen: the more it is wound up, the faster it swings."""
 GAP: Final = "backlash"
 CLOSER: Final = (0.96, 0.98, 1.0)
-"""Times the starts of a limit."""
+"""Times the starts of a limit; a fit looks about the best of them (`hil.gap.about`)."""
 STANDS: Final = 2.0
 """Floors on a signal of an actuator from which on it is asked whether it swings."""
 KNOCKS: Final = 1.2
