@@ -2,9 +2,10 @@
 
 import pandas as pd
 import pytest
-from benchmarks.gap_signs import signs, table
+from benchmarks.gap_signs import row_of, signs, table
 
-from hil.gap.diagnose import consider
+from hil.exam.case import write_case
+from hil.gap.diagnose import consider, diagnose
 from tests.gap.twin_runs import AXIS, effect, record
 
 
@@ -34,3 +35,18 @@ def test_quantiles_stand_by_kind():
     found = table(rows)
     assert found.loc[("catalogue, right", 0.5), "share"] == pytest.approx(0.9)
     assert found.loc[("none", 0.5), "cases"] == 1
+
+
+def test_a_row_stands_beside_its_answer(tmp_path):
+    answer = {
+        "verdict": "identified",
+        "effects": [
+            {"effect": "coulomb_friction", "location": "axis", "parameters": {"force": 40.0}}
+        ],
+    }
+    run = record(effect("coulomb_friction", force=40.0))
+    write_case("axis-0001", AXIS, [(run, "diagnose", None)], answer, 1, tmp_path)
+    row = row_of(tmp_path / "cases" / "axis-0001")
+    assert row["said"] == diagnose(run, AXIS).verdict
+    assert row["is_right"]
+    assert row["nearest"] == "axis.coulomb_friction"
