@@ -18,6 +18,10 @@ Make = Callable[[float], dict[str, float]]
 Sizes = tuple[Make, float, float] | tuple[Make, float, float, float]
 
 
+DELAY_S: Final = 0.0015
+"""The smallest delay that is no matter of calibration: seven times what healthy rigs differ by."""
+
+
 def sign(rng: np.random.Generator) -> float:
     """1 or -1."""
     return 1.0 if rng.random() < 0.5 else -1.0
@@ -103,25 +107,28 @@ def _ripple(a: Actuator, rng: np.random.Generator) -> Sizes:
 
 def _constant(a: Actuator, rng: np.random.Generator) -> Sizes:
     way = sign(rng)
-    return lambda s: {"scale": math.exp(way * s)}, 0.05, 0.5, 0.02
+    return lambda s: {"scale": math.exp(way * s)}, 0.05, 0.5, 0.05
 
 
 def _gains(a: Actuator, rng: np.random.Generator) -> Sizes:
     keys = ["position", "speed"] + (["integral"] if a.law == "cascade" else [])
     key = keys[rng.integers(len(keys))]
     way = -1.0 if rng.random() < 0.7 else 1.0
+    smallest = 0.03
+    if key == "position" and a.law == "cascade":  # what lags is a delay to a calibration
+        smallest = max(smallest, DELAY_S * a.position_gain)
     return (
         lambda s: {
             k: math.exp(way * s) if k == key else 1.0 for k in ("position", "speed", "integral")
         },
         0.15,
         0.9 if way < 0.0 else 0.45,
-        0.03,
+        min(smallest, 0.25),
     )
 
 
 def _delay(a: Actuator, rng: np.random.Generator) -> Sizes:
-    return lambda s: {"delay": s}, 0.002, 0.04, 0.0015
+    return lambda s: {"delay": s}, 0.002, 0.04, DELAY_S
 
 
 def _offset(a: Actuator, rng: np.random.Generator) -> Sizes:

@@ -107,6 +107,7 @@ def _sensor(
             lambda s: {c: float(s * x) for c, x in zip("xyz", axis, strict=True)},
             0.02,
             0.4,
+            0.01,
         )
     if imu:
         channel = f"{rng.choice(['gyro', 'accel'])}_{rng.choice(list('xyz'))}"
@@ -156,6 +157,7 @@ def _platform(rig: RigFile, effect: str, rng: np.random.Generator) -> Recipe:
             lambda s: {"roll": float(s * x[0]), "pitch": float(s * x[1])},
             0.01,
             0.2,
+            0.006,
         )
     keys = ("x", "y", "z") if effect == "payload_cog" else ("xx", "yy", "zz")
     y = rng.standard_normal(3)

@@ -17,6 +17,7 @@ from hil.gap.friction import DIRECTED, FRICTION, PEAKED, PLAIN, directed, is_its
 from hil.gap.joint import LEFT, joint_fits
 from hil.gap.leaves import Leaf
 from hil.gap.replayed import least_left, suspects
+from hil.gap.rivals import ended
 from hil.gap.search import Proposal, Search
 from hil.gap.shares import explained, most_left
 from hil.gap.starts import changes_of, relative
@@ -51,9 +52,11 @@ def fit_candidates(
     """`none`, then all that was fitted."""
     leaves = search.bank.leaves
     fits = [none, *_single_fits(c, none, search, leaves, without, say)]
-    fits = [f for f in fits if is_itself(c, f)]
+    fits = [none, *ended(c, none, [f for f in fits[1:] if is_itself(c, f)], say)]
     fits += joint_fits(c, fits, search, leaves, without, say)
     fits = _alone_again(c, fits, say)
+    if len(min(fits, key=lambda f: f.total(c)).leaves) > 1:
+        fits = [none, *ended(c, none, fits[1:], say)]
     fits += _peaked_fits(c, fits, leaves, say)
     return fits if DIRECTED in without else fits + _directed_fits(c, fits, without, say)
 

@@ -25,7 +25,7 @@ BORNE_OUT: Final = (5.0, 0.5, 1.5, 0.8)
 """Nats, floors of its trace, floors of the gap on unseen data and the share of it that goes, from which on an
 effect is a finding however little fits have seen of it [healthy records of two worlds: never above 1.3 floors
 with more than a tenth of it gone]."""
-MOST: Final = 0.6
+MOST: Final = 0.5
 """Of what stands without them, what effects that ALWAYS act must explain where they are small."""
 
 
@@ -52,7 +52,7 @@ class Asked:
 
 
 COUNTED: Final = Asked(
-    nats=10.0, trace=0.3, always=1.0, decisive=20.0, faint=0.15, certain=70.0, always_faint=0.65, saved=10.0
+    nats=10.0, trace=0.3, always=1.0, decisive=20.0, faint=0.15, certain=70.0, always_faint=0.65, saved=8.0
 )  # fmt: skip
 """Of rigs, many samples of which count as one [set on cases of the used-up exam of seed 81, of tuning seeds
 and of a second world: a healthy rig has up to 13 nats with 0.2 floors; of what ALWAYS acts up to 66 with

@@ -19,7 +19,7 @@ from hil.gap.constancy import Variation, variation
 from hil.gap.fitted import Calibrated, Fit
 from hil.gap.heldout import Score
 from hil.gap.leaves import Leaf
-from hil.gap.nature import EVENTS, WAVES
+from hil.gap.nature import EVENTS, MOMENTS, WAVES
 from hil.gap.shares import RARE, explained, largest_ratio
 
 SOFT: Final = 0.06
@@ -41,6 +41,8 @@ STANDS: Final = 1.3
 WELL: Final = (0.8, 0.95)
 """Shares explained of what was seen, between which HOLDS falls to HARMLESS: impacts come at other instants in
 another motion, and an effect that explains all of what was seen is there all the same."""
+OFTEN: Final = (0.6, 0.85)
+"""The same of what acts in MOMENTS."""
 HARMLESS: Final = -0.1
 VARIES: Final = (0.014, 0.006)
 """Share of what is explained that a varying parameter may add, half of the time, where the fit leaves LEAVES
@@ -97,7 +99,8 @@ def doubt(
     if part.shrink is not None and stands:
         if told.gain > CHANCE:
             other = chance(told.share, least_explained(part.shrink))
-        holds = float(np.interp(told.share, WELL, (HOLDS, HARMLESS)))
+        struck = all(leaf.effect in MOMENTS for leaf in others)
+        holds = float(np.interp(told.share, OFTEN if struck else WELL, (HOLDS, HARMLESS)))
         other = max(other, chance(part.shrink, holds))
     once = largest_ratio(c, none) < RARE and all(leaf.effect in EVENTS for leaf in others)
     varies = None if once else variation(c, none, f, bank, worth)

@@ -8,6 +8,7 @@ set what one sample is worth. Fits whose answers differ by less than the floor s
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,14 +21,14 @@ from hil.gap.bank import ABSOLUTE
 from hil.gap.fit import step_size
 from hil.gap.fitted import Calibrated, Fit, loss
 from hil.gap.friction import nested
-from hil.gap.nature import EVENTS
+from hil.gap.nature import MOMENTS
 from hil.gap.shares import RARE, largest_ratio
 
 Array = NDArray[np.float64]
 
 TEMPER: Final = 2.0
 """What evidence is divided by at least beside, for what no correlation shows [set on training cases]."""
-RELATIVE: Final = 0.003
+RELATIVE: Final = 0.01
 """Of all that the best candidate explains: two that differ by less are no further apart than two laws of one
 effect, and no number of samples changes that [set on training cases of two worlds]."""
 SIMPLER: Final = 0.5
@@ -115,6 +116,11 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
             if not nested(fits[head].leaves, fits[k].leaves) and not ends[k]:
                 more = max(int(told[k] - told[head]), 0)
                 worth_of[k] = max(worth_of[k], worth_of[head] - ODDS * (1 + more))
+    # How much both explain is no reason for a law whose further freedom nothing asks for.
+    for j, k in itertools.permutations(np.flatnonzero(real).tolist(), 2):
+        is_more = several[k] == several[j] and names[k] > names[j] and logs[k] < logs[j]
+        if is_more and nested(fits[j].leaves, fits[k].leaves):
+            worth_of[k] = min(worth_of[k], worth_of[j] - float(logs[j] - logs[k]))
     # Which effect it is comes first, all alike; each of its places has a share of that.
     worth_of -= [sum(math.log(leaf.places) for leaf in f.leaves) for f in fits]
     worth_of = np.where(real, worth_of, -np.inf if real.any() else 0.0)
@@ -179,11 +185,11 @@ def _data(c: Calibrated, f: Fit, tempers: Mapping[str, Temper], discount: float)
 
 
 def _as_events(c: Calibrated, f: Fit, fits: Sequence[Fit], tempers: Mapping[str, Temper]) -> float:
-    """Nats that a fit has beside `log_likelihood` where EVENTS of it explain what stands in few samples.
+    """Nats that a fit has beside `log_likelihood` where MOMENTS of it explain what stands in few samples.
 
     Many samples count as one for the small ways in which a twin is wrong: those are in all of them.
     """
-    others = [leaf for leaf in f.leaves if leaf.effect not in EVENTS]
+    others = [leaf for leaf in f.leaves if leaf.effect not in MOMENTS]
     base = next((g for g in fits if list(g.leaves) == others), None)
     if len(others) == len(f.leaves) or base is None or largest_ratio(c, base) > RARE:
         return 0.0

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 ROUNDS: Final = 6
 SETTLED: Final = 0.02
-"""A round that gains less than this share of what is left ends the fit."""
+"""Share of what is left, by which a round gains where a fit goes on."""
 FAR: Final = 0.01
 """Squared prior deviations of a step of nuisances from which on it tells of their sensitivities."""
 WEAK: Final = 10.0
@@ -46,9 +46,11 @@ def fit(
     start: Mapping[str, float],
     z: Array | None = None,
     rounds: int = ROUNDS,
+    settled: float = SETTLED,
 ) -> Fit | None:
     """Fit the parameters named in `start` (values as for a twin without effects); None where the twin cannot
-    stand there. `z` (K,): nuisances to start from, by default where calibration left them."""
+    stand there. `z` (K,): nuisances to start from, by default where calibration left them. `settled`: a round
+    that gains less than this share of what is left ends the fit."""
     problem = c.problem
     own = own_nuisances(c, leaves)
     held = [k for k in range(len(c.nuisances)) if k not in own]
@@ -104,7 +106,7 @@ def fit(
                 z, x = point[: len(held)], point[len(held) :] * scale
                 break
         before, spread = spread, spread_of(c, white)
-        enough = SETTLED * max(cost / max(c.train.sum(), 1), 0.02) * c.train.sum()
+        enough = settled * max(cost / max(c.train.sum(), 1), 0.02) * c.train.sum()
         stalled = 0 if gained > enough or spread < 0.8 * before else stalled + 1
         if stalled > 1 or (stalled == 1 and share == 1.0):
             break  # settled, or corrected sensitivities have not helped either

@@ -10,7 +10,7 @@ from typing import Final
 
 ALWAYS: Final = frozenset(
     {"loop_gain", "transport_delay", "sensor_latency", "sensor_scale", "clock_drift", "force_constant",
-     "actuator_inertia", "payload_mass", "payload_inertia", "viscous_friction", "compliance"}
+     "actuator_inertia", "payload_mass", "payload_inertia", "viscous_friction", "load_friction", "compliance"}
 )  # fmt: skip
 """They act at all times: whatever a twin lacks everywhere looks a little like one of them."""
 PLACING: Final = frozenset({"position_offset", "lead_error"})
@@ -25,5 +25,7 @@ LIMITS: Final = frozenset({"force_saturation", "velocity_saturation"})
 """Their starts are read from the record: nothing to scale."""
 EVENTS: Final = LIMITS | {"lost_frames"}
 """They may act in a few samples alone, and there leave what no twin's small ways make."""
+MOMENTS: Final = EVENTS | {"backlash"}
+"""What they do they do in a few samples: those of a gap's flanks as they meet."""
 NEAR: Final = frozenset({"backlash", "transport_delay", "sensor_latency", "clock_drift"})
 """They grow in no proportion to their parameter: only near a start is its column what they do."""

@@ -28,7 +28,7 @@ GAP: Final = "backlash"
 CLOSER: Final = (0.96, 0.98, 1.0)
 """Times the starts of a limit; a fit looks about the best of them (`hil.gap.about`)."""
 STANDS: Final = 2.0
-"""Floors on a signal of an actuator from which on it is asked whether it swings."""
+"""Floors on a signal of an actuator, or of the IMU, from which on it is asked whether it swings."""
 KNOCKS: Final = 1.2
 """The same of gaps and limits: flanks meet, and limits are hit, for moments."""
 MOST: Final = 2
@@ -45,8 +45,11 @@ def suspects(c: Calibrated, none: Fit, leaves: Sequence[Leaf]) -> list[Leaf]:
             ratio = left[x.signal] / floors[x.signal]
             worst[x.actuator] = max(worst.get(x.actuator, 0.0), ratio)
     ranked = sorted(leaves, key=lambda x: -worst.get(x.location, 0.0))
+    shaken = worst.get("imu", 0.0)  # by whichever actuator's spring
     springs = [
-        x for x in ranked if is_swinging(x.parameters) and worst.get(x.location, 0.0) > STANDS
+        x
+        for x in ranked
+        if is_swinging(x.parameters) and max(worst.get(x.location, 0.0), shaken) > STANDS
     ]
     hit = [x for x in ranked if worst.get(x.location, 0.0) > KNOCKS]
     gaps = [x for x in hit if x.effect == GAP]

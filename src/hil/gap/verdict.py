@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hil.gap.bank import Bank
 from hil.gap.causes import Shown, weighed_causes
-from hil.gap.clear import clear, signals
+from hil.gap.clear import asked, clear, signals
 from hil.gap.constancy import Variation
 from hil.gap.diagnosis import Cause, Diagnosis, Verdict
 from hil.gap.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share, is_hidden
@@ -21,6 +21,7 @@ from hil.gap.fitted import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import Score
 from hil.gap.locate import RATIO
+from hil.gap.nature import EVENTS
 from hil.gap.result import Located, SignalGap
 from hil.gap.rounding import EFFECT as ROUNDED
 from hil.gap.shares import largest_ratio
@@ -108,7 +109,9 @@ def answer(
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     is_plain = all(leaf.effect in (LOST, ROUNDED) for leaf in first.leaves)
     is_seen = varies is not None and part.before > RATIO
-    if not (is_large or is_seen or is_plain or is_hidden(c, none, first)) and _is_faint(part):
+    is_once = gain > asked(c).certain and all(leaf.effect in EVENTS for leaf in first.leaves)
+    is_told = is_large or is_seen or is_plain or is_once or is_hidden(c, none, first)
+    if not is_told and _is_faint(part):
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(
