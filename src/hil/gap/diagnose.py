@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 import pandas as pd
@@ -34,11 +33,6 @@ from hil.gap.verdict import answer, stands
 from hil.runs import Run
 
 Report = Callable[[str], None]
-
-DRIFT: Final = 0.25
-"""Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
-SWITCHED_ON: Final = ("imu.", ".sensor_bias.offset")
-"""How the names begin and end of those that are new each time a rig is switched on: an IMU's biases [R]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +129,5 @@ def as_found(found: Located, priors: Sequence[Nuisance]) -> list[Nuisance]:
     out = []
     for f in found.nuisances:
         n = by_name[f.name]
-        is_new = n.name.startswith(SWITCHED_ON[0]) and n.name.endswith(SWITCHED_ON[1])
-        drift = n.sd if is_new else DRIFT * n.sd
-        out.append(replace(n, mean=f.change, sd=float(np.hypot(f.sd, drift))))
+        out.append(replace(n, mean=f.change, sd=float(np.hypot(f.sd, n.drift * n.sd))))
     return out

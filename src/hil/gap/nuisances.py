@@ -37,6 +37,10 @@ IMU_BIAS: Final = 0.5
 """Of one sample's noise: what is left after the usual zeroing at rest [R]."""
 MISALIGNMENT_RAD: Final = 0.002
 """An IMU against its drawing after a static calibration, a tenth of a degree [R]."""
+DRIFT: Final = 0.25
+"""Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
+SWITCHED_ON: Final = 1.0
+"""The same of what is new each time a rig is switched on: an IMU's biases [R]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +52,8 @@ class Nuisance:
     unit: str
     mean: float = 0.0
     """Of the prior, from the rig file's value: what a healthy reference was found to have."""
+    drift: float = DRIFT
+    """Of `sd`: how far a run may stand from a reference."""
 
 
 def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, ...]:
@@ -82,7 +88,7 @@ def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, .
         gyro = signal.startswith("imu.gyro")
         sd = IMU_BIAS * (rig.noise.gyro if gyro else rig.noise.accel)
         unit = "rad/s" if gyro else "m/s²"
-        out.append(Nuisance(f"{signal}.sensor_bias.offset", sd, unit))
+        out.append(Nuisance(f"{signal}.sensor_bias.offset", sd, unit, drift=SWITCHED_ON))
     if any(s.startswith("imu.") for s in known):
         out += [Nuisance(f"imu.sensor_misalignment.{c}", MISALIGNMENT_RAD, "rad") for c in "xyz"]
     return tuple(n for n in out if n.sd > 0.0)

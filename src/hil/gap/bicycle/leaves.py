@@ -9,7 +9,7 @@ from hil.config import BicycleFile
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.leaves import Changes, Leaf, Start
-from hil.gap.nuisances import Nuisance
+from hil.gap.nuisances import SWITCHED_ON, Nuisance
 from hil.gap.problem import Problem
 
 LEAN_ZERO: Final = 0.004
@@ -43,7 +43,8 @@ def ride_nuisances(rig: BicycleFile, problem: Problem) -> tuple[Nuisance, ...]:
     for s in channels:
         gyro = s.startswith("imu.gyro")
         sd = IMU_BIAS * (rig.noise.gyro if gyro else rig.noise.accel)
-        out.append(Nuisance(f"{s}.sensor_bias.offset", sd, "rad/s" if gyro else "m/s²"))
+        unit = "rad/s" if gyro else "m/s²"
+        out.append(Nuisance(f"{s}.sensor_bias.offset", sd, unit, drift=SWITCHED_ON))
     out += [Nuisance(f"imu.sensor_misalignment.{c}", MISALIGNMENT, "rad") for c in "xyz"]
     out.append(Nuisance("imu.sensor_latency.delay", LATENCY_S, "s"))
     return tuple(out)

@@ -1,0 +1,90 @@
+"""Which of two that answer alike is nearer is told where their fits end; and what acts in moments is kept."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import hil.gap.joint as joint
+from hil.gap import diagnose
+from hil.gap.fit import fit
+from hil.gap.heldout import split
+from hil.gap.leaves import find_leaves
+from hil.gap.locate import locate
+from hil.gap.nuisances import default_nuisances
+from hil.gap.replayed import suspects
+from hil.gap.rivals import ended
+from hil.gap.training import begin
+from tests.gap.twin_runs import AXIS, effect, record
+
+
+@pytest.fixture(scope="module")
+def heavy():
+    """A load that is too heavy: what was calibrated, and the candidates by name."""
+    e = locate(record(effect("payload_mass", "platform", mass=40.0)), AXIS).evidence
+    parts = split(e.problem, e.noise, e.residual)
+    c, none = begin(e, parts, default_nuisances(AXIS, e.problem.signals), {}, 0)
+    leaves = find_leaves(c.problem, none.vector, none.residual, ())
+    return c, none, {leaf.name: leaf for leaf in leaves}
+
+
+def test_rivals_that_were_left_on_the_way_end_where_they_answer_alike(heavy):
+    c, none, leaves = heavy
+    load = fit(c, [leaves["platform.payload_mass"]], {"platform.payload_mass.mass": 40.0})
+    rotor = fit(
+        c, [leaves["axis.actuator_inertia"]], {"axis.actuator_inertia.mass": 25.0}, rounds=1
+    )
+    assert load is not None
+    assert rotor is not None
+    best, other = ended(c, none, [load, rotor], lambda _: None)
+    assert best.total(c) <= load.total(c)
+    assert other.total(c) <= rotor.total(c)
+    assert other.total(c) == pytest.approx(best.total(c), abs=2.0 * c.problem.discount)
+
+
+def test_a_fit_without_rivals_is_left_as_it_is(heavy):
+    c, none, leaves = heavy
+    load = fit(c, [leaves["platform.payload_mass"]], {"platform.payload_mass.mass": 40.0})
+    rub = fit(c, [leaves["axis.coulomb_friction"]], {"axis.coulomb_friction.force": 2.0})
+    assert ended(c, none, [load, rub], lambda _: None) == [load, rub]
+    assert ended(c, none, [load], lambda _: None) == [load]
+
+
+def test_a_limit_that_only_the_seen_run_hits_is_named():
+    limit = effect("velocity_saturation", limit=0.115)
+    found = diagnose([record(limit), record(limit, share=0.5, seed=2)], AXIS)
+    assert [x.effect for x in found.effects] == ["velocity_saturation"]
+
+
+def test_a_law_with_freedom_that_nothing_asks_for_is_behind_however_large_the_gap():
+    found = diagnose(record(effect("coulomb_friction", force=150.0)), AXIS)
+    assert [x.effect for x in found.effects] == ["coulomb_friction"]
+    others = [x.probability for x in found.causes if x.effect.endswith("_friction")]
+    assert max(others[1:], default=0.0) < 0.1
+
+
+def test_a_spring_that_an_imu_alone_feels_is_asked():
+    spring = SimpleNamespace(
+        effect="compliance", location="axis", parameters=("axis.compliance.stiffness",)
+    )
+    sizes = {"axis.force": 1.1, "imu.accel_x": 3.0}
+    series = [SimpleNamespace(signal=s, actuator=s.partition(".")[0]) for s in sizes]
+
+    def asked(floors: dict[str, float]) -> list[object]:
+        noise = SimpleNamespace(
+            draws="draws", weighted_rms=lambda _, r: floors if r == "draws" else sizes
+        )
+        c = SimpleNamespace(problem=SimpleNamespace(series=series), noise=noise)
+        return suspects(c, SimpleNamespace(residual="residual"), [spring])
+
+    assert asked(dict.fromkeys(sizes, 1.0)) == [spring]
+    assert asked({"axis.force": 1.0, "imu.accel_x": 2.0}) == []
+
+
+@pytest.mark.parametrize(("prior", "is_whole"), [(2.0, True), (15.0, False)])
+def test_a_fit_that_pushed_nuisances_far_is_not_whole(monkeypatch, prior, is_whole):
+    monkeypatch.setattr(joint, "most_left", lambda c, f: 1.0)
+    head = SimpleNamespace(prior_cost=prior, residual=np.zeros(3))
+    assert joint._is_whole(SimpleNamespace(), head) is is_whole
