@@ -17,6 +17,7 @@ from hil.gap.nuisances import default_nuisances
 from hil.gap.replayed import suspects
 from hil.gap.rivals import ended
 from hil.gap.training import begin
+from hil.gap.verdict import _is_once
 from tests.gap.twin_runs import AXIS, effect, record
 
 
@@ -56,6 +57,17 @@ def test_a_limit_that_only_the_seen_run_hits_is_named():
     limit = effect("velocity_saturation", limit=0.115)
     found = diagnose([record(limit), record(limit, share=0.5, seed=2)], AXIS)
     assert [x.effect for x in found.effects] == ["velocity_saturation"]
+
+
+def test_only_what_acts_now_and_then_beyond_doubt_may_be_missing_from_unseen_data():
+    c = SimpleNamespace(problem=SimpleNamespace(discount=20.0))
+
+    def once(name: str, nats: float) -> bool:
+        return _is_once(c, SimpleNamespace(leaves=[SimpleNamespace(effect=name)]), nats)
+
+    assert once("velocity_saturation", 600.0)
+    assert not once("velocity_saturation", 20.0)
+    assert not once("viscous_friction", 600.0)
 
 
 def test_a_law_with_freedom_that_nothing_asks_for_is_behind_however_large_the_gap():

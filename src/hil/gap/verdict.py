@@ -109,9 +109,8 @@ def answer(
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     is_plain = all(leaf.effect in (LOST, ROUNDED) for leaf in first.leaves)
     is_seen = varies is not None and part.before > RATIO
-    is_once = gain > asked(c).certain and all(leaf.effect in EVENTS for leaf in first.leaves)
-    is_told = is_large or is_seen or is_plain or is_once or is_hidden(c, none, first)
-    if not is_told and _is_faint(part):
+    is_told = is_large or is_seen or is_plain or _is_once(c, first, gain)
+    if not (is_told or is_hidden(c, none, first)) and _is_faint(part):
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(
@@ -134,6 +133,11 @@ def _is_crystals(f: Fit) -> bool:
     """Whether all that a fit says is that two clocks differ as any two do."""
     rates = [abs(v) for n, v in zip(f.names, f.values.tolist(), strict=True) if n.endswith(RATE)]
     return len(rates) == len(f.names) and max(rates, default=0.0) < CRYSTALS
+
+
+def _is_once(c: Calibrated, f: Fit, gain: float) -> bool:
+    """Whether what a fit of `gain` nats says acts now and then, beyond doubt: unseen data need not hold it."""
+    return gain > asked(c).certain and all(leaf.effect in EVENTS for leaf in f.leaves)
 
 
 def _is_faint(unseen: Score) -> bool:
