@@ -136,7 +136,7 @@ def _is_crystals(f: Fit) -> bool:
 
 
 def _is_once(c: Calibrated, f: Fit, gain: float) -> bool:
-    """Whether what a fit of `gain` nats says acts now and then, beyond doubt: unseen data need not hold it."""
+    """Whether what a fit of `gain` nats says acts now and then, beyond doubt: unseen data may lack it."""
     return gain > asked(c).certain and all(leaf.effect in EVENTS for leaf in f.leaves)
 
 
