@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -24,6 +25,10 @@ RATES = (("imu.gyro_y", "pitch rate, rad/s"), ("imu.gyro_z", "yaw rate, rad/s"),
          ("imu.gyro_x", "roll rate, rad/s"))  # fmt: skip
 ACCELERATIONS = (("imu.accel_x", "forward, m/s²"), ("imu.accel_z", "vertical, m/s²"),
                  ("imu.accel_y", "to the left, m/s²"))  # fmt: skip
+NUMBERS: Final = (
+    "Explained: share of the variance of what the sensor gave, both filtered. Below 0 %: the model's own "
+    "noise, that of angles differenced twice, is larger than what it explains."
+)
 
 
 def ride_page(a: Analysis, out_html: Path) -> Path:
@@ -50,7 +55,7 @@ def ride_page(a: Analysis, out_html: Path) -> Path:
     if accelerations is not None:
         sections.append(("Accelerations: model and accelerometer", note, accelerations))
     if n["imu"]:
-        sections.append(("Model and IMU in numbers", "", _imu_table(a)))
+        sections.append(("Model and IMU in numbers", NUMBERS, _imu_table(a)))
     sections += [
         (
             "Torques",
