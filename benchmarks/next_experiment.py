@@ -2,11 +2,11 @@
 
     python -m benchmarks.next_experiment [--seconds 16] [--seeds 3] [--json FILE]
 
-For each pair of effects of the axis: a short slow record of the first is made with the twin's noise, and the
-second is fitted to it, on ever quieter sways until both explain it: an ambiguous case. Then the proposed
-experiment and the multisine (0.1 to 3 Hz, half the limits) are recorded with either effect as the truth, both
-effects are fitted anew with all nuisances free, and weighed as a diagnosis weighs them. Counted: how often
-the true one is left alone (probability above 0.95), out of all truths of all ambiguous pairs.
+For each pair of effects of the axis and either of them as the truth: a short slow record of it is made with
+the twin's noise, and both are fitted to it, on ever quieter sways until both explain it: an ambiguous case.
+From that the experiment is proposed. It and the multisine (0.1 to 3 Hz, half the limits) are recorded on the
+same rig, both effects are fitted anew with all nuisances free, and weighed as a diagnosis weighs them.
+Counted: how often the true one is left alone (probability above 0.95), out of all ambiguous cases.
 """
 
 from __future__ import annotations
@@ -42,23 +42,27 @@ A = "axis."
 EFFECTS: dict[str, Truth] = {
     "coulomb_friction": {A + "coulomb_friction.force": 14.0},
     "asymmetric_friction": {
-        A + "asymmetric_friction.positive": 20.0, A + "asymmetric_friction.negative": 8.0,
+        A + "asymmetric_friction.positive": 30.0, A + "asymmetric_friction.negative": 8.0,
     },
+    "stribeck_friction": {
+        A + "stribeck_friction.velocity": 0.01, A + "stribeck_friction.coulomb": 14.0,
+        A + "stribeck_friction.static": 40.0,
+    },
+
     "viscous_friction": {A + "viscous_friction.coefficient": 200.0},
     "transport_delay": {A + "transport_delay.delay": 0.003},
-    "payload_mass": {"platform.payload_mass.mass": 12.0},
-    "force_constant": {A + "force_constant.scale": 0.91},
-    "backlash": {A + "backlash.gap": 0.0003},
-    "compliance": {A + "compliance.stiffness": 2.0e6},
+    "payload_mass": {"platform.payload_mass.mass": 30.0},
+    "force_constant": {A + "force_constant.scale": 0.8},
+    "backlash": {A + "backlash.gap": 0.00006},
     "sensor_latency": {A + "position.sensor_latency.delay": 0.003},
     "actuator_inertia": {A + "actuator_inertia.mass": 12.0},
     "hysteresis": {A + "hysteresis.force": 25.0, A + "hysteresis.displacement": 0.002},
 }  # fmt: skip
 PAIRS = (
     ("coulomb_friction", "asymmetric_friction"), ("viscous_friction", "transport_delay"),
-    ("payload_mass", "force_constant"), ("backlash", "compliance"),
+    ("payload_mass", "force_constant"), ("stribeck_friction", "coulomb_friction"),
     ("sensor_latency", "transport_delay"), ("payload_mass", "actuator_inertia"),
-    ("hysteresis", "coulomb_friction"),
+    ("hysteresis", "coulomb_friction"), ("backlash", "hysteresis"),
 )  # fmt: skip
 
 
@@ -130,11 +134,11 @@ def table_of(rig: RigFile, p: Mapping[str, float], fits: Mapping[str, Fit]) -> d
 
 
 def open_case(
-    rig: RigFile, pair: tuple[str, str], seed: int
+    rig: RigFile, pair: tuple[str, str], truth: str, seed: int
 ) -> tuple[float, dict[str, float], dict[str, Fit]] | None:
-    """The liveliest sway of the first of a pair that both explain: its share, probabilities and fits."""
+    """The liveliest sway of a rig with `truth` that both explain: its share, probabilities and fits."""
     for share in SWAYS:
-        problem = record(quiet_record(rig, share), rig, EFFECTS[pair[0]], seed)
+        problem = record(quiet_record(rig, share), rig, EFFECTS[truth], seed)
         before, fits = judge(problem, pair, EFFECTS)
         if len(fits) == len(pair) and max(before.values()) <= CLEAR:
             return share, before, fits
@@ -146,27 +150,27 @@ def run(
 ) -> list[dict[str, Any]]:
     """One row a pair, seed and truth."""
     rig, rows = load_rig("axis"), []
-    for seed, pair in itertools.product(seeds, pairs):
-        row: dict[str, Any] = {"pair": list(pair), "seed": seed}
-        case = open_case(rig, pair, seed)
+    for seed, pair, which in itertools.product(seeds, pairs, range(2)):
+        truth = pair[which]
+        row: dict[str, Any] = {"pair": list(pair), "truth": truth, "seed": seed}
+        case = open_case(rig, pair, truth, seed)
         if case is None:
             rows.append({**row, "ambiguous": False})
-            print(json.dumps(rows[-1]), flush=True)
-            continue
-        share, before, fits = case
-        row |= {"sway": share, "before": before}
-        values = {e: dict(zip(f.names, map(float, f.values), strict=True)) for e, f in fits.items()}
-        proposal = propose(table_of(rig, before, fits), rig, seconds=seconds, count=10, seed=seed)
-        usual = generic_multisine(rig, proposal.sketch.trajectory.duration_s, seed)
-        for truth in pair:
+        else:
+            share, before, fits = case
+            proposal = propose(
+                table_of(rig, before, fits), rig, seconds=seconds, count=10, seed=seed
+            )
+            usual = generic_multisine(rig, proposal.sketch.trajectory.duration_s, seed)
             after = {}
             for name, sketch in (("proposed", proposal.sketch), ("generic", usual)):
-                p, _ = judge(record(sketch, rig, values[truth], seed + 7), pair, values)
+                p, _ = judge(record(sketch, rig, EFFECTS[truth], seed + 7), pair, EFFECTS)
                 after[name] = p.get(truth, 0.0)
-            rows.append({**row, "ambiguous": True, "truth": truth, "kind": proposal.sketch.kind,
-                         "motion": proposal.sketch.text, "weighed": proposal.sketch.weighed,
-                         "expected": proposal.split.right, "after": after})  # fmt: skip
-            print(json.dumps(rows[-1]), flush=True)
+            rows.append({**row, "ambiguous": True, "sway": share, "before": before,
+                         "kind": proposal.sketch.kind, "motion": proposal.sketch.text,
+                         "payload_kg": proposal.sketch.payload_kg, "expected": proposal.split.right,
+                         "splits": bool(proposal.split.apart()), "after": after})  # fmt: skip
+        print(json.dumps(rows[-1]), flush=True)
     return rows
 
 

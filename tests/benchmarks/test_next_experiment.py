@@ -11,7 +11,7 @@ PAIR = ("viscous_friction", "transport_delay")
 def test_a_lively_record_tells_two_apart_and_an_open_case_does_not():
     lively, _ = judge(record(quiet_record(AXIS, 1.0), AXIS, EFFECTS[PAIR[0]], 0), PAIR, EFFECTS)
     assert lively[PAIR[0]] > CLEAR
-    case = open_case(AXIS, PAIR, 0)
+    case = open_case(AXIS, PAIR, PAIR[0], 0)
     assert case is not None
     share, before, fits = case
     assert share < 1.0

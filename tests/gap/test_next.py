@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from hil.gap.next import (
     read_candidates,
     split_of,
 )
+from hil.gap.next.score import payloads_of
 from hil.identify.experiments import read_experiment
 from hil.rigs import build_rig
 from hil.runs.folder import read_meta
@@ -43,6 +45,9 @@ def diagnosis(causes: dict[str, dict[str, float]], verdict: str = "ambiguous") -
 
 GAP_OR_FRICTION = diagnosis(
     {"axis.backlash": {"gap": 3e-4}, "axis.coulomb_friction": {"force": 15.0}}
+)
+MASS_OR_GAIN = diagnosis(
+    {"platform.payload_mass": {"mass": 20.0}, "axis.force_constant": {"scale": 0.86}}
 )
 MASS_OR_INERTIA = diagnosis(
     {"platform.payload_mass": {"mass": 10.0}, "axis.actuator_inertia": {"mass": 10.0}}
@@ -67,6 +72,23 @@ def test_the_motion_that_it_proposes_moves_and_says_what_it_splits() -> None:
     assert found["expected_probability"] > 0.95
     assert found["payload"] is None
     assert found["sentence"].startswith("Play ")
+
+
+def test_payloads_are_asked_for_that_the_drives_can_carry() -> None:
+    rig = load_rig("axis")
+    light, heavy = payloads_of(rig)
+    assert 0.0 < light < heavy < 0.5 * rig.mass.m
+    candidates, shared = read_candidates(MASS_OR_GAIN, rig)
+    plain = generic_multisine(rig, 12.0)
+    splits = [
+        split_of(replace(plain, payload_kg=kg), rig, candidates, shared, SIGNALS)
+        for kg in (heavy, 40.0 * rig.mass.m)
+    ]
+    assert splits[0] is not None
+    assert splits[1] is None
+    alone = split_of(plain, rig, candidates, shared, SIGNALS)
+    assert alone is not None
+    assert splits[0].right > alone.right
 
 
 def test_what_acts_alike_in_any_motion_is_not_promised_to_be_split() -> None:

@@ -59,7 +59,7 @@ def next_experiment(
         return
     _show(found)
     out.print(f"play it: hil experiment {rig} play {to}", markup=False, soft_wrap=True)
-    if found.sketch.weighed:
+    if found.sketch.payload_kg:
         out.print("and again with the payload bolted on: --weighed", markup=False, soft_wrap=True)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from hil.config import RigFile
 from hil.errors import HilError, IdentificationError
 from hil.gap.next.candidates import Candidate, read_candidates
-from hil.gap.next.score import Split, payload_of, split_of
+from hil.gap.next.score import Split, payloads_of, split_of
 from hil.gap.next.sketches import Sketch, draw_sketches, generic_multisine
 
 Report = Callable[[str], None]
@@ -64,16 +64,16 @@ class Proposal:
     def _motion(self) -> str:
         s = self.sketch
         text = f"{s.trajectory.duration_s:.0f} s of {s.kind} ({s.text})"
-        if not s.weighed:
+        if not s.payload_kg:
             return text
-        return f"{text} twice, the second time with {payload_of(self.rig).mass:g} kg at the centre of gravity"
+        return f"{text} twice, the second time with {s.payload_kg:g} kg at the centre of gravity"
 
     def table(self) -> dict[str, Any]:
         """The diagnosis file's `next_experiment`."""
-        s, p = self.sketch, payload_of(self.rig)
-        payload = None
-        if s.weighed:
-            payload = dict(zip(("mass", "x", "y", "z"), (p.mass, *p.position), strict=True))
+        s, payload = self.sketch, None
+        if s.payload_kg:
+            values = (s.payload_kg, *self.rig.mass.cog)
+            payload = dict(zip(("mass", "x", "y", "z"), values, strict=True))
         names = [c.name for c in self.candidates]
         return {
             "sentence": self.sentence, "kind": s.kind, "motion": s.text,
@@ -111,13 +111,13 @@ def propose(
     def scored(sketches: list[Sketch]) -> list[tuple[float, Sketch, Split]]:
         out = []
         for sketch in sketches:
-            say(f"{sketch.kind}: {sketch.text}" + (" with a payload" if sketch.weighed else ""))
+            say(f"{sketch.kind}: {sketch.text}" + (" with a payload" if sketch.payload_kg else ""))
             try:
                 split = split_of(sketch, rig, candidates, shared, signals, seed)
             except HilError:  # moves too little, or a pose does not close
                 continue
             if split is not None:
-                out.append((_cost(sketch, split), sketch, split))
+                out.append((_cost(sketch, split, rig.mass.m), sketch, split))
         return sorted(out, key=lambda x: x[0])
 
     ranked = scored(draw_sketches(rig, seconds, many, rng))
@@ -126,7 +126,8 @@ def propose(
             f"{rig.name}: none of the motions drawn can be ridden by every candidate"
         )
     if payload and ranked[0][2].entropy > DECIDED:
-        short = [replace(s, weighed=True) for _, s, _ in ranked[:WEIGHED]]
+        able = [s for _, s, _ in ranked[:WEIGHED]]
+        short = [replace(s, payload_kg=kg) for s in able for kg in payloads_of(rig)]
         ranked = sorted([*ranked, *scored(short)], key=lambda x: x[0])
     _, best, split = ranked[0]
     try:
@@ -137,11 +138,13 @@ def propose(
     return Proposal(best, split, tuple(candidates), usual, many, rig)
 
 
-def _cost(sketch: Sketch, split: Split) -> float:
-    """Expected entropy, what bolting costs, and where all is decided the nearest pair."""
+def _cost(sketch: Sketch, split: Split, mass_kg: float) -> float:
+    """Expected entropy, what bolting costs (beside a platform of so much), and where all is decided the
+    nearest pair."""
     apart = split.distance[~np.eye(len(split.prior), dtype=bool)]
     near = float(np.min(np.maximum(apart.reshape(len(split.prior), -1), 0.0)))
-    return split.entropy + BOLTING * sketch.weighed - 0.003 * float(np.log1p(near))
+    bolting = BOLTING * (1.0 + sketch.payload_kg / mass_kg) if sketch.payload_kg else 0.0
+    return split.entropy + bolting - 0.003 * float(np.log1p(near))
 
 
 def next_experiment(tables: Mapping[str, Any], rig: RigFile, seed: int = 0) -> dict[str, Any]:

@@ -33,8 +33,10 @@ Array = NDArray[np.float64]
 
 CLEAR: Final = 0.95
 """Probability from which on a candidate stands alone."""
-PAYLOAD_SHARE: Final = 0.15
-"""Of the platform's mass, for the payload that is to be weighed."""
+PAYLOADS: Final = (0.15, 0.4)
+"""Of the platform's mass, for payloads that may be asked for."""
+STRONG: Final = 0.9
+"""Of the largest force, that a play with a payload may take."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +75,9 @@ class Split:
         ]  # fmt: skip
 
 
-def payload_of(rig: RigFile) -> Payload:
-    """What is to be weighed and bolted on: whole kilograms at the rig file's centre of gravity."""
-    mass = max(round(PAYLOAD_SHARE * rig.mass.m), 1)
-    return Payload(float(mass), rig.mass.cog)
+def payloads_of(rig: RigFile) -> list[float]:
+    """Payloads that may be asked for, whole kilograms."""
+    return sorted({float(max(round(share * rig.mass.m), 1)) for share in PAYLOADS})
 
 
 def recorded(
@@ -107,9 +108,10 @@ def recorded(
         t = np.arange(0.05, sketch.trajectory.duration_s, 1.0 / rig.imu.rate)
         samples |= {s: (t, np.zeros(len(t))) for s in signals if s.startswith("imu.")}
     plain = Stretch("next", setpoints, samples)
-    if not sketch.weighed:
+    if not sketch.payload_kg:
         return [plain]
-    return [plain, Stretch("next, weighed", setpoints, samples, payload=payload_of(rig))]
+    payload = Payload(sketch.payload_kg, rig.mass.cog)
+    return [plain, Stretch("next, weighed", setpoints, samples, payload=payload)]
 
 
 def split_of(
@@ -120,16 +122,26 @@ def split_of(
     signals: Sequence[str],
     seed: int = 0,
 ) -> Split | None:
-    """What `sketch` would tell; None where a candidate's twin cannot ride it."""
+    """What `sketch` would tell; None where a candidate's twin cannot ride it, or not with its payload."""
     rng = np.random.default_rng(seed)
     problem = Problem(rig, recorded(sketch, rig, signals, rng))
     vectors = [vector_of(c, shared, problem.base, problem.table) for c in candidates]
     answers = problem.answers(np.array(vectors))
-    if not np.all(np.isfinite(answers)):
+    if not np.all(np.isfinite(answers)) or (sketch.payload_kg and _strains(problem, answers)):
         return None
     noise = find_noise(problem, vectors[0], rng, count=2)
     nuisances = default_nuisances(rig, problem.signals)
     return split_between(problem, noise, nuisances, candidates, vectors, answers)
+
+
+def _strains(problem: Problem, answers: Array) -> bool:
+    """Whether a candidate (C, N) takes more force than is left for the unforeseen."""
+    most = {f"{a.name}.force": STRONG * a.force_max for a in problem.rig.actuators}
+    return any(
+        float(np.max(np.abs(answers[:, x.part]))) > most[x.signal]
+        for x in problem.series
+        if x.signal in most
+    )
 
 
 def split_between(

@@ -44,13 +44,13 @@ class Sketch:
     kind: str
     text: str
     trajectory: CueTrajectory
-    weighed: bool = False
-    """Whether it is played twice, the second time with a payload that was weighed."""
+    payload_kg: float = 0.0
+    """Of what is weighed and bolted on for a second play; 0: it is played once."""
 
     @property
     def duration_s(self) -> float:
         """Of all plays together."""
-        return self.trajectory.duration_s * (2 if self.weighed else 1)
+        return self.trajectory.duration_s * (2 if self.payload_kg else 1)
 
 
 def generic_multisine(rig: RigFile, seconds: float, seed: int = 0) -> Sketch:

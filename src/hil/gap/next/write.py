@@ -8,7 +8,6 @@ import tomlkit
 
 from hil.errors import RunError
 from hil.gap.next.propose import Proposal
-from hil.gap.next.score import payload_of
 from hil.identify.experiments import Custom, Design, design
 from hil.identify.experiments.custom import read_custom
 from hil.runs.cuefile import write_cue_file
@@ -27,9 +26,9 @@ def write_proposal(path: Path, proposal: Proposal) -> Design:
     plan, motion = read_custom(Custom(file=str(csv)))
     made = design(plan, rig, motion)
     payload = None
-    if proposal.sketch.weighed:
-        p = payload_of(rig)
-        payload = Payload(mass=p.mass, x=p.position[0], y=p.position[1], z=p.position[2])
+    if proposal.sketch.payload_kg:
+        x, y, z = rig.mass.cog
+        payload = Payload(mass=proposal.sketch.payload_kg, x=x, y=y, z=z)
     description = made.description.model_copy(
         update={
             "plan": plan.model_copy(update={"file": csv.name}),
