@@ -278,6 +278,38 @@ def test_withheld_effects_have_marks_of_their_own(tmp_path: Path) -> None:
     assert _value(marked, "left out: another leaf, p > 0.9") == 0.25
 
 
+def test_what_nothing_tells_from_a_withheld_effect_is_its_nearest_class(tmp_path: Path) -> None:
+    truth = _answer("identified", _effect("payload_mass", "platform", mass=20.0))
+    note = {"exam": {"without": ["payload_mass"]}}
+
+    def named(effect: str, p: float) -> dict[str, Any]:
+        return {**_said("identified", _cause(effect, p=p)), **note}
+
+    _exam(
+        tmp_path,
+        {
+            "alike": (truth, named("actuator_inertia", 0.97)),
+            "other": (truth, named("coulomb_friction", 0.97)),
+            "modest": (truth, named("coulomb_friction", 0.6)),
+            "blind": (truth, {**_said("no_gap"), **note}),
+        },
+    )
+    whole = _said(
+        "ambiguous",
+        {**_cause("payload_mass", "platform", p=0.49), "class": 0},
+        {**_cause("actuator_inertia", p=0.48), "class": 0},
+        {**_cause("coulomb_friction", p=0.0), "class": 1},
+    )
+    (tmp_path / "known").mkdir()
+    for case in ("alike", "other", "modest", "blind"):
+        (tmp_path / "known" / f"{case}.json").write_text(json.dumps(whole))
+    folders = (tmp_path / "said", tmp_path / "answers")
+    marked = mark_exam(*folders, known=tmp_path / "known")
+    assert _value(marked, "the same, or named within its class") == 0.5
+    assert _value(marked, "left out: unknown or p ≤ 0.9") == 0.25
+    assert _value(mark_exam(*folders), "the same, or named within its class") is None
+
+
 def test_wilsons_interval_is_the_published_one() -> None:
     found = share([True] * 8 + [False] * 2)
     assert (found.low, found.high) == pytest.approx((0.4902, 0.9433), abs=1e-4)

@@ -159,6 +159,14 @@ def mark(
             "--oracle", help="Diagnoses by `sit --baseline oracle`, to compare shrink with."
         ),
     ] = None,
+    known: Annotated[
+        Path | None,
+        typer.Option(
+            "--known",
+            help="For what was sat `--without auto`: diagnoses that knew all effects. They say which of "
+            "them nothing in these data tells apart.",
+        ),
+    ] = None,
     only: Annotated[
         str, typer.Option("--only", help="Only cases whose name matches this pattern (regex).")
     ] = "",
@@ -168,7 +176,7 @@ def mark(
     Every answer counts: a missing or broken diagnosis is a wrong one. Marks come with 95 % intervals, for all
     cases from 3 times the floor on, by rig, and by severity.
     """
-    marked = mark_exam(diagnoses, answers, cases=cases, oracle=oracle, only=only)
+    marked = mark_exam(diagnoses, answers, cases=cases, oracle=oracle, known=known, only=only)
     if json is not None:
         try:
             json.write_text(js.dumps(marked.tables(), indent=1, ensure_ascii=False) + "\n", "utf-8")

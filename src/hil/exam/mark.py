@@ -82,12 +82,14 @@ def mark_exam(
     *,
     cases: Path | None = None,
     oracle: Path | None = None,
+    known: Path | None = None,
     only: str = "",
 ) -> Marked:
     """Mark the diagnoses in a folder by the answers in another.
 
     Every answer is a case; one without a diagnosis counts as wrong. `cases`: where the seals are, if not in
-    the diagnoses. `oracle`: diagnoses of `sit --baseline oracle`. `only`: a pattern that case names match.
+    the diagnoses. `oracle`: diagnoses of `sit --baseline oracle`; `known`: those that knew the effects
+    which were withheld here. `only`: a pattern that case names match.
     RunError where an answer does not fit its seal.
     """
     inner = answers / "answers"
@@ -112,8 +114,11 @@ def mark_exam(
             unsealed.append(case)
         elif not seals <= _hashes(path, answer):
             broken.append(case)
-        best = _read(oracle / f"{case}.json")[0] if oracle is not None else None
-        papers.append(Paper(case, answer, said, best))
+        best, whole = (
+            _read(folder / f"{case}.json")[0] if folder is not None else None
+            for folder in (oracle, known)
+        )
+        papers.append(Paper(case, answer, said, best, whole))
     if broken:
         raise RunError(
             f"{root}: answers that are not those that were sealed: {', '.join(broken)}; an exam with changed "

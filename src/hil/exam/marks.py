@@ -198,8 +198,20 @@ def _left_honest(papers: Papers) -> Value:
     )
 
 
+def _left_near(papers: Papers) -> Value:
+    held = [p for p in _withheld(papers) if p.known is not None]
+    return share(
+        [
+            p.verdict == "unknown"
+            or (p.is_named and (p.probability <= CONFIDENT or p.is_nearest()))
+            for p in held
+        ]
+    )
+
+
 WITHHELD_MARKS: Final = (
     Mark("left out: unknown or p ≤ 0.9", _left_honest, least=0.9),
+    Mark("the same, or named within its class", _left_near),
     Mark("left out: called unknown", _left_unknown),
     Mark("left out: another leaf, p > 0.9", _left_confident, most=0.1),
     Mark("left out: called no_gap", _missed),

@@ -29,6 +29,8 @@ class Paper:
     said: Mapping[str, Any]
     """The diagnosis; verdict "missing", "broken" or "error" where there is none."""
     oracle: Mapping[str, Any] | None = None
+    known: Mapping[str, Any] | None = None
+    """The diagnosis of the same case that knew all effects, where this one was not allowed to."""
 
     # --- the truth -----------------------------------------------------------------------------------
     @property
@@ -137,6 +139,14 @@ class Paper:
         if number is None:
             return [_leaf(self.causes[0])]
         return [_leaf(c) for c in self.causes if c.get("class") == number]
+
+    def is_nearest(self) -> bool:
+        """Whether what is named first stands in the class that the true effect has where it is known: nothing
+        in these data tells the two apart."""
+        rows = [(_leaf(c), c.get("class")) for c in (self.known or {}).get("causes") or ()]
+        numbers = {leaf: n for leaf, n in rows if n is not None}
+        mine = numbers.get(self.cause(0) or UNKNOWN)
+        return mine is not None and any(numbers.get(leaf) == mine for leaf in self.truth)
 
     def credible(self) -> list[Leaf]:
         """The fewest causes whose probabilities add up to SET_SHARE.
