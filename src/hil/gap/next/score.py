@@ -127,20 +127,20 @@ def split_of(
     problem = Problem(rig, recorded(sketch, rig, signals, rng))
     vectors = [vector_of(c, shared, problem.base, problem.table) for c in candidates]
     answers = problem.answers(np.array(vectors))
-    if not np.all(np.isfinite(answers)) or (sketch.payload_kg and _strains(problem, answers)):
+    if not np.all(np.isfinite(answers)) or (sketch.payload_kg and _strains(problem, vectors)):
         return None
     noise = find_noise(problem, vectors[0], rng, count=2)
     nuisances = default_nuisances(rig, problem.signals)
     return split_between(problem, noise, nuisances, candidates, vectors, answers)
 
 
-def _strains(problem: Problem, answers: Array) -> bool:
-    """Whether a candidate (C, N) takes more force than is left for the unforeseen."""
-    most = {f"{a.name}.force": STRONG * a.force_max for a in problem.rig.actuators}
+def _strains(problem: Problem, vectors: Sequence[Array]) -> bool:
+    """Whether a candidate takes more force than is left for the unforeseen, recorded or not."""
     return any(
-        float(np.max(np.abs(answers[:, x.part]))) > most[x.signal]
-        for x in problem.series
-        if x.signal in most
+        float(np.max(np.abs(moved[f"{a.name}.force"]))) > STRONG * a.force_max
+        for vector in vectors
+        for moved in problem.motion(vector)
+        for a in problem.rig.actuators
     )
 
 
