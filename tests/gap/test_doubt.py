@@ -8,7 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import hil.gap.doubt as module
 from hil.gap import diagnose
+from hil.gap.heldout import Score
+from hil.gap.leaves import Leaf
 from hil.gap.verdict import _is_crystals
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
@@ -89,3 +92,14 @@ def test_a_fast_ripple_is_no_noise():
 )
 def test_clocks_that_differ_as_any_two_do_are_no_finding(names, rates, same: bool):
     assert _is_crystals(SimpleNamespace(names=names, values=np.array(rates))) is same
+
+
+@pytest.mark.parametrize(("after", "is_doubtful"), [(1.0, False), (1.04, False), (1.1, True)])
+def test_what_leaves_unseen_data_further_off_is_not_there(monkeypatch, after, is_doubtful):
+    monkeypatch.setattr(module, "variation", lambda *a: None)
+    monkeypatch.setattr(module, "largest_ratio", lambda c, f: 2.0)
+    leaf = Leaf("loop_gain", "axis", ("axis.loop_gain.speed",), (), "axis")
+    f = SimpleNamespace(leaves=(leaf,), at_bound=())
+    told = module.Told(0.98, 300.0, Score(("axis.force",), 1.0, after, 1.0, None, None))
+    unknown, _ = module.doubt(None, None, f, told, None, 1.0)
+    assert (unknown > 0.5) is is_doubtful
