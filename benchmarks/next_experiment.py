@@ -48,7 +48,6 @@ EFFECTS: dict[str, Truth] = {
         A + "stribeck_friction.velocity": 0.01, A + "stribeck_friction.coulomb": 14.0,
         A + "stribeck_friction.static": 40.0,
     },
-
     "viscous_friction": {A + "viscous_friction.coefficient": 200.0},
     "transport_delay": {A + "transport_delay.delay": 0.003},
     "payload_mass": {"platform.payload_mass.mass": 30.0},

@@ -45,8 +45,8 @@ OFTEN: Final = (0.6, 0.85)
 """The same of what acts in MOMENTS."""
 HARMLESS: Final = -0.1
 HARM: Final = (1.06, 0.9)
-"""Times what unseen data were off without it, and the chance that what leaves them further off is not there:
-of 520 effects named in used-up exams one that was there made it more than 1.032 times."""
+"""Times what unseen data were off without it, and the chance that what leaves them further off is not there
+[set on used-up exams]."""
 VARIES: Final = (0.014, 0.006)
 """Share of what is explained that a varying parameter may add, half of the time, where the fit leaves LEAVES
 floors of any signal: a catalogue's effect of another law adds less than 0.003 as a rule, and up to 0.01 where

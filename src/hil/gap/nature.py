@@ -26,6 +26,6 @@ LIMITS: Final = frozenset({"force_saturation", "velocity_saturation"})
 EVENTS: Final = LIMITS | {"lost_frames"}
 """They may act in a few samples alone, and there leave what no twin's small ways make."""
 MOMENTS: Final = EVENTS | {"backlash"}
-"""What they do they do in a few samples: those of a gap's flanks as they meet."""
+"""Those and what does most as flanks meet."""
 NEAR: Final = frozenset({"backlash", "transport_delay", "sensor_latency", "clock_drift"})
 """They grow in no proportion to their parameter: only near a start is its column what they do."""
