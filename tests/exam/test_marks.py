@@ -252,6 +252,15 @@ def test_parameters_count_from_neutral_and_vectors_as_a_whole() -> None:
     assert vector[0].covered == (True, True, True)
 
 
+def test_phases_a_turn_apart_are_the_same() -> None:
+    wave = _effect("force_ripple", amplitude=5.0, period=0.01, phase=5.03)
+    for value, is_held in ((-1.25, True), (-1.0, False), (5.03, True)):
+        phase = {"phase": {"value": value, "ci": [value - 0.1, value + 0.1]}}
+        said = _said("identified", {**_cause("force_ripple"), "parameters": phase})
+        found = {s.name: s for s in sizes(Paper("", _answer("identified", wave), said))}
+        assert found["phase"].covered == (is_held,)
+
+
 def test_withheld_effects_have_marks_of_their_own(tmp_path: Path) -> None:
     note = {"exam": {"without": ["backlash"]}}
 

@@ -1,8 +1,8 @@
 """How near the named parameters come to the true ones, and whether their intervals hold them.
 
 Errors are relative to how far the true value stands from neutral, vectors (x y z) as a whole; a value that is
-not given counts as neutral, an error of 1. A phase counts only in its interval: it means nothing without the
-period.
+not given counts as neutral, an error of 1. A phase counts only in its interval, whole turns apart alike: it
+means nothing without the period.
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ def sizes(paper: Paper) -> list[Size]:
 
 
 def _single(name: str, true: float, said: Any, is_main: bool) -> Size:
-    value, covered = _value(said), _covers(said, true)
+    value = _value(said)
+    covered = _covers(said, _turned(true, value) if name == "phase" else true)
     away = abs(true - 1.0) if name in ONE else abs(true)
     if name == "phase" or away < 1e-12:
         return Size(name, None, covered, is_main)
@@ -80,6 +81,13 @@ def _vector(
     error = math.dist(values, [truth[k] for k in names]) / max(length, 1e-12)
     held = [c for k in names for c in _covers(said.get(k), truth[k])]
     return Size(effect, error, tuple(held), True)
+
+
+def _turned(phase_rad: float, near_rad: float | None) -> float:
+    """The same phase, by whole turns as near to another as it comes."""
+    if near_rad is None:
+        return phase_rad
+    return phase_rad + math.tau * round((near_rad - phase_rad) / math.tau)
 
 
 def _value(said: Any) -> float | None:

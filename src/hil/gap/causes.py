@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
@@ -17,6 +18,7 @@ from hil.gap.frames import ANSWERS, SETPOINTS, fit_lost_frames
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import Score, score
 from hil.gap.leaves import Leaf
+from hil.gap.nuisances import CRYSTALS, RATE
 from hil.gap.residual import Refit
 from hil.gap.result import Located
 
@@ -26,7 +28,8 @@ CI: Final = 1.645
 WIDEN: Final = 1.5
 """Of what noise does to a parameter [set on training cases]."""
 OTHER_LAW: Final = 0.13
-"""Of an effect's own size, by which the parameter of another law may differ [set on training cases]."""
+"""Of an effect's own size, by which the parameter of another law may differ; of a wave, rad [set on training
+cases]."""
 
 
 class Shown:
@@ -124,16 +127,23 @@ def _classes(c: Calibrated, heads: Mapping[str, Fit]) -> dict[str, int]:
 
 
 def _parameters(c: Calibrated, f: Fit, leaf: Leaf, worth: float) -> dict[str, ParameterValue]:
+    """Values with intervals: of noise, of another law, and of what a healthy rig has of the same."""
+    healthy = {n.name: math.hypot(CI * n.sd, n.mean) for n in c.nuisances}
+    healthy |= {n: CRYSTALS for n in f.names if n.endswith(RATE)}
     out = {}
-    for name, value, sd in zip(f.names, f.values, f.search_sd, strict=True):
+    for name, value, sd in zip(f.names, f.values.tolist(), f.search_sd.tolist(), strict=True):
         if name not in leaf.parameters:
             continue
         p = c.problem.table[name]
-        x = p.to_search(float(value))
-        away = x - p.to_search(p.neutral) if np.isfinite(p.to_search(p.neutral)) else x
-        half = np.hypot(CI * WIDEN * float(sd) * np.sqrt(worth), OTHER_LAW * away)
-        ends = sorted(float(p.from_search(e)) for e in (x - half, x + half))
+        is_phase = p.parameter == "phase"
+        shown = value % math.tau if is_phase else value
+        x = p.to_search(shown)
+        away = x - p.to_search(p.neutral) if math.isfinite(p.to_search(p.neutral)) else x
+        other = OTHER_LAW * (1.0 if is_phase else away)
+        had = abs(p.to_search(shown + healthy[name]) - x) if name in healthy else 0.0
+        half = math.hypot(CI * WIDEN * sd * math.sqrt(worth), other, had)
+        ends = sorted(p.from_search(e) for e in (x - half, x + half))
         out[p.parameter] = ParameterValue(
-            float(value), (max(ends[0], p.lower), min(ends[1], p.upper)), p.unit, name in f.at_bound
+            shown, (max(ends[0], p.lower), min(ends[1], p.upper)), p.unit, name in f.at_bound
         )
     return out

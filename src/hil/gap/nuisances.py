@@ -37,6 +37,10 @@ IMU_BIAS: Final = 0.5
 """Of one sample's noise: what is left after the usual zeroing at rest [R]."""
 MISALIGNMENT_RAD: Final = 0.002
 """An IMU against its drawing after a static calibration, a tenth of a degree [R]."""
+CRYSTALS: Final = 2e-5
+"""s/s: what the clocks of healthy drives and hosts differ by [R]. No nuisance: what differs by no more is no
+finding."""
+RATE: Final = ".clock_drift.rate"
 DRIFT: Final = 0.25
 """Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
 SWITCHED_ON: Final = 1.0

@@ -22,6 +22,7 @@ from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import Score
 from hil.gap.locate import RATIO
 from hil.gap.nature import EVENTS
+from hil.gap.nuisances import CRYSTALS, RATE
 from hil.gap.result import Located, SignalGap
 from hil.gap.rounding import EFFECT as ROUNDED
 from hil.gap.shares import largest_ratio
@@ -32,9 +33,6 @@ SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
 """Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
-RATE: Final = ".clock_drift.rate"
-CRYSTALS: Final = 2e-5
-"""s/s: what the clocks of healthy drives and hosts differ by [R]."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
