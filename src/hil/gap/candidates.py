@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
-from hil.gap.clear import EXPLAINED
 from hil.gap.fit import fit
 from hil.gap.fitted import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
@@ -38,6 +37,9 @@ UNPROMISING: Final = 2
 """Candidates that are fitted where none promises anything: a limit that acts once is missed by a little."""
 NEARLY: Final = 0.9
 """Of what the best explains, that friction must to be looked at once more for either direction."""
+POORLY: Final = 0.75
+"""Share explained up to which springs, gaps and limits are replayed one by one: what no column shows is
+looked like by what does."""
 WELL: Final = 0.96
 """Share explained from which on lost frames are not looked for."""
 
@@ -79,7 +81,7 @@ def _single_fits(
             out.append(found)
     out += _peaked_fits(c, out, leaves, say)
     well = max((explained(c, none, f) for f in out), default=0.0)
-    if well < EXPLAINED:
+    if well < POORLY:
         for f in _replayed(c, none, leaves, say):
             same = [x for x in out if x.leaves == f.leaves]
             if all(f.total(c) < x.total(c) for x in same):

@@ -20,7 +20,7 @@ from hil.gap.fitted import Calibrated, Fit
 from hil.gap.heldout import Score
 from hil.gap.leaves import Leaf
 from hil.gap.nature import EVENTS, MOMENTS, WAVES
-from hil.gap.shares import RARE, explained, largest_ratio
+from hil.gap.shares import RARE, explained, largest_ratio, usually_explained
 
 SOFT: Final = 0.06
 """How gradually."""
@@ -80,7 +80,13 @@ def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
         return 1.0
     saved = none.prior_cost - f.prior_cost
     hidden = saved / none.prior_cost if is_hidden(c, none, f) else 0.0
-    return max(hidden, explained(c, none, f, is_sure=gain > asked(c).decisive))
+    between = usually_explained(c, none, f) if _strikes(f, gain, c) else 0.0
+    return max(hidden, between, explained(c, none, f, is_sure=gain > asked(c).decisive))
+
+
+def _strikes(f: Fit, gain: float, c: Calibrated) -> bool:
+    """Whether a fit of `gain` nats is flanks that meet, beyond doubt."""
+    return gain > asked(c).certain and all(leaf.effect == "backlash" for leaf in f.leaves)
 
 
 def is_hidden(c: Calibrated, none: Fit, f: Fit) -> bool:

@@ -29,6 +29,9 @@ REACH: Final = 10
 ODDS: Final = 6.0
 """Nats that a frame's mark must earn: few frames are lost."""
 FEWEST: Final = 4
+PLAIN: Final = (2, 60.0)
+"""Frames, and nats of their marks, that tell as well: two that are lost as a rig is struck [healthy records
+and faults of others, 160 records of two worlds: two or three marks have less than 25]."""
 AT_ONCE: Final = 0.5
 """Share of the lost frames of several drives that are one cycle's, from which on it was no bus that lost
 them, one by one, but a host that sent none."""
@@ -59,7 +62,7 @@ def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
         return None
     lost = _find(c, base)
     count = sum(len(v) for one in lost for v in one.values())
-    if count < FEWEST or _at_once(problem, lost) > AT_ONCE:
+    if count < PLAIN[0] or _at_once(problem, lost) > AT_ONCE:
         return None
     frames = sum(len(t) for p in problem.pieces for t, _ in p.setpoints.values())
     dropped = Problem(
@@ -72,6 +75,9 @@ def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
     if not np.all(np.isfinite(answer)):
         return None
     residual = problem.measured - answer
+    white = c.noise.whiten(problem, residual)
+    if count < FEWEST and base.cost(c.train) - float(np.sum(loss(white[c.train]))) < PLAIN[1]:
+        return None
     vector = np.array(base.vector)
     share, missing = count / frames, lost_answers(problem)
     vector[problem.table.index(SETPOINTS)] = share
@@ -80,7 +86,7 @@ def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
     return replace(
         base, leaves=(*base.leaves, leaf), names=(*base.names, SETPOINTS, ANSWERS),
         values=np.append(base.values, [share, missing]), search_sd=np.append(base.search_sd, sd),
-        vector=vector, residual=residual, white=c.noise.whiten(problem, residual),
+        vector=vector, residual=residual, white=white,
         extra_cost=base.extra_cost + ODDS * count,
     )  # fmt: skip
 

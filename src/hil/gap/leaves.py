@@ -43,8 +43,13 @@ GAPS_M: Final = (
     2.4e-3,
     3.5e-3,
     5e-3,
+    7.5e-3,
+    1.1e-2,
+    1.6e-2,
 )
 """When a flank is met, and how hard, changes with the gap: no linear picture of one holds far from it."""
+WIDEST: Final = 0.5
+"""Of how far an actuator moves, m or rad: in a wider gap it never touches both flanks."""
 DELAYS_S: Final = (0.001, 0.002, 0.003, 0.0045, 0.006, 0.008, 0.01, 0.0125, 0.015, 0.02)
 """Forces have the cycle of the setpoints in them, so a delay has a best value in each cycle."""
 RATES: Final = (2e-5, 3e-4, 1e-3, 3e-3, 6e-3)
@@ -129,6 +134,7 @@ def _actuator(
     f = scale("coulomb_friction", "force")
     force_n = max(float(np.max(np.abs(m[f"{name}.force"]))) for m in motion)
     speed = max(float(np.max(np.abs(m[f"{name}.velocity"]))) for m in motion)
+    travel = max(float(np.ptp(m[f"{name}.position"])) for m in motion)
     out = [
         leaf("coulomb_friction", "force", [({}, {"force": f})]),
         leaf("viscous_friction", "coefficient",
@@ -138,7 +144,8 @@ def _actuator(
         leaf("asymmetric_friction", "positive negative", [({}, {"positive": f}, {"negative": f})]),
         leaf("load_friction", "coefficient asymmetry",
              [({"asymmetry": s}, {"coefficient": 0.03}) for s in (0.0, 0.8, -0.8)]),
-        leaf("backlash", "gap", [({}, {"gap": g}) for g in GAPS_M]),
+        leaf("backlash", "gap",
+             [({}, {"gap": g}) for g in GAPS_M if g < max(WIDEST * travel, 2.0 * GAPS_M[0])]),
         leaf("hysteresis", "force displacement",
              [({"displacement": x}, {"force": f}) for x in WIDTHS_M]),
         leaf("compliance", "stiffness damping hardening", [_spring(a, f_hz) for f_hz in SWINGS_HZ]),

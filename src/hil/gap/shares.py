@@ -56,6 +56,18 @@ def explained(
     return share
 
 
+def usually_explained(c: Calibrated, none: Fit, f: Fit) -> float:
+    """Share of the usual gap above the floor, 0..1: what impacts leave for moments, as flanks of another law
+    meet at other instants, is no part of it."""
+    floors, before, after = (
+        c.noise.usual(c.problem, r) for r in (c.noise.draws, none.residual, f.residual)
+    )
+    ratios = [(before[s] / v, after[s] / v) for s, v in floors.items() if v > 0.0]
+    was = sum(max(b**2 - 1.0, 0.0) for b, _ in ratios)
+    left = sum(max(a**2 - 1.0, 0.0) for _, a in ratios)
+    return float(np.clip((was - left) / max(was, FAINT), 0.0, 1.0))
+
+
 def above_noise(c: Calibrated, f: Fit) -> float:
     """Nats of the robust loss that a fit leaves above the floor; 0 where that is no more than chance."""
     drawn = [np.sum(loss(c.noise.whiten(c.problem, row)[c.train])) for row in c.noise.draws]
