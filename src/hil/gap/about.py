@@ -49,14 +49,16 @@ def about(table: ParameterTable, start: Mapping[str, float], vector: Array) -> A
         rows[:, d] = vector[d] * some[:, 1] * np.sqrt(some[:, 0])
         rows[:, hard] = some[:, 2]
         return rows
-    name = next(iter(start), "")
-    if len(start) != 1 or not name.endswith((*RUGGED, LIMIT)):
-        return np.empty((0, len(vector)))
-    i, p = table.index(name), table[name]
-    if name.endswith(LIMIT):
+    limit = next((n for n in start if n.endswith(LIMIT)), None)
+    if limit is not None:
+        i, p = table.index(limit), table[limit]
         rows = np.tile(vector, (len(CLOSER), 1))
         rows[:, i] = np.clip(vector[i] * np.array(CLOSER), p.lower, p.upper)
         return rows
+    name = next(iter(start), "")
+    if len(start) != 1 or not name.endswith(RUGGED):
+        return np.empty((0, len(vector)))
+    i, p = table.index(name), table[name]
     rows = np.tile(vector, (len(ABOUT), 1))
     rows[:, i] = np.clip(
         p.neutral * (1.0 - np.array(ABOUT)) + vector[i] * np.array(ABOUT), p.lower, p.upper

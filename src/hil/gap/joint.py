@@ -18,7 +18,7 @@ from hil.gap.heldout import touched
 from hil.gap.leaves import Leaf
 from hil.gap.nature import LIMITS
 from hil.gap.search import Proposal, Search
-from hil.gap.shares import RARE, above_noise, explained, largest_ratio, most_left
+from hil.gap.shares import RARE, above_noise, explained, most_left
 from hil.gap.starts import changes_of, relative
 
 Report = Callable[[str], None]
@@ -74,7 +74,7 @@ def joint_fits(
             joint = fit(c, some, {**relative(c, head), **start}, p.z)
             if joint is not None and is_itself(c, joint) and adds(c, [*fits[1:], *out], joint):
                 new.append(joint)
-        if largest_ratio(c, heads[0]) > RARE:
+        if most_left(c, heads[0]) > RARE:
             new += [f for f in _limited(c, heads[0], leaves, say) if adds(c, [*fits[1:], *out], f)]
         if not out:
             new += _unseen_pairs(c, fits, new, search, leaves, say)
