@@ -21,6 +21,7 @@ from hil.gap.bank import ABSOLUTE
 from hil.gap.fit import step_size
 from hil.gap.fitted import Calibrated, Fit, loss
 from hil.gap.friction import nested
+from hil.gap.locate import RATIO
 from hil.gap.nature import MOMENTS
 from hil.gap.shares import RARE, largest_ratio
 
@@ -103,7 +104,10 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
         np.mean(freedom[(group == group[k]) & (names == names[k]) & (several == several[k])])
         for k in range(len(fits))
     ]
-    logs = likely + np.array(shared)
+    costs = np.array(shared)
+    for j, k in _left_a_gap(c, fits):
+        costs[k] = max(costs[k], costs[j])
+    logs = likely + costs
     real = np.array([bool(f.leaves) for f in fits])
     unit = max(1.0, RELATIVE * float(logs.max() - logs[~real].max()))
     told = np.array([np.sum(_felt(c, f, loose) < TOLD) for f in fits])
@@ -128,6 +132,17 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     p /= p.sum()
     order = np.argsort(-worth_of)
     return [Weighed(fits[k], float(logs[k]), float(p[k])) for k in order], worth
+
+
+def _left_a_gap(c: Calibrated, fits: Sequence[Fit]) -> list[tuple[int, int]]:
+    """Numbers of each law of friction that leaves a gap of its own, with one that holds it and leaves none:
+    the freedom of that one is asked for."""
+    ratio = [largest_ratio(c, f) for f in fits]
+    return [
+        (j, k) for j, k in itertools.permutations(range(len(fits)), 2)
+        if ratio[j] > RATIO and ratio[k] < RARE and len(fits[j].leaves) == len(fits[k].leaves)
+        and len(fits[j].names) < len(fits[k].names) and nested(fits[j].leaves, fits[k].leaves)
+    ]  # fmt: skip
 
 
 def temper(c: Calibrated, best: Fit) -> dict[str, Temper]:

@@ -42,7 +42,7 @@ SEVERAL_HOLD: Final = 0.7
 what was seen [set on training cases]."""
 STRAIN: Final = 2.6
 """Prior standard deviations from which on a nuisance has gone further than calibrations leave anything."""
-UNSAID: Final = 1.3
+UNSAID: Final = 1.38
 """Floors, tolerances among them, from which on a signal is off although no candidate explains it: how well a
 record tells its own noise, twice over [set on training cases]."""
 
@@ -75,7 +75,7 @@ def diagnose_rides(
         named = _explained(anew, fewer, without, seed, say)
         if {(x.effect, x.location) for x in named.effects} > {
             (x.effect, x.location) for x in found.effects
-        }:
+        } and _is_further(named, chosen):
             return named
     return found
 
@@ -151,6 +151,21 @@ def _strained(found: Diagnosis, located: Located, chosen: Sequence[Nuisance]) ->
         mean = {n.name: n.mean for n in chosen}
         far = {f.name: abs(f.change - mean[f.name]) / f.prior_sd for f in located.nuisances}
     return sorted({name.rpartition(".")[0] for name, z in far.items() if z > STRAIN})
+
+
+def _is_further(named: Diagnosis, chosen: Sequence[Nuisance]) -> bool:
+    """Whether each effect of `named` that is a nuisance too stands further than calibrations leave it."""
+    assert named.calibrated is not None
+    by_name, problem = {n.name: n for n in chosen}, named.calibrated.problem
+    for x in named.effects:
+        away = [
+            abs(p.value - problem.base[problem.table.index(n.name)] - n.mean) / n.sd
+            for k, p in x.parameters.items()
+            if (n := by_name.get(f"{x.location}.{x.effect}.{k}")) is not None
+        ]
+        if away and max(away) < STRAIN:
+            return False
+    return True
 
 
 def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
