@@ -15,7 +15,7 @@ from hil.gap.frames import fit_lost_frames
 from hil.gap.friction import DIRECTED, FRICTION, PEAKED, PLAIN, directed, is_itself, peaked
 from hil.gap.joint import LEFT, joint_fits
 from hil.gap.leaves import Leaf
-from hil.gap.replayed import least_left, suspects
+from hil.gap.replayed import least_left, struck, suspects
 from hil.gap.rivals import ended
 from hil.gap.search import Proposal, Search
 from hil.gap.shares import explained, most_left
@@ -81,8 +81,9 @@ def _single_fits(
             out.append(found)
     out += _peaked_fits(c, out, leaves, say)
     well = max((explained(c, none, f) for f in out), default=0.0)
-    if well < POORLY:
-        for f in _replayed(c, none, leaves, say):
+    held = struck(c, min((none, *out), key=lambda f: f.total(c)))
+    if well < POORLY or held:
+        for f in _replayed(c, none, leaves, held, say):
             same = [x for x in out if x.leaves == f.leaves]
             if all(f.total(c) < x.total(c) for x in same):
                 out = [*(x for x in out if x not in same), f]
@@ -111,10 +112,13 @@ def _alone_again(c: Calibrated, fits: Sequence[Fit], say: Report) -> list[Fit]:
     return out
 
 
-def _replayed(c: Calibrated, none: Fit, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
-    """Springs, gaps and limits that a scan finds where nothing explains the gap: no column shows them."""
+def _replayed(
+    c: Calibrated, none: Fit, leaves: Sequence[Leaf], held: Collection[str], say: Report
+) -> list[Fit]:
+    """Springs, gaps and limits that a scan finds where nothing explains the gap, or where actuators are
+    `held` off beside what does: no column shows them."""
     out = []
-    for leaf in suspects(c, none, leaves):
+    for leaf in suspects(c, none, leaves, held):
         say(f"looking for {leaf.name} by replays")
         start = least_left(c, none, leaf)
         found = fit(c, [leaf], start) if start else None

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Final
 
-from hil.gap.evidence import Weighed
+from hil.gap.evidence import SAME, Weighed, distance
 from hil.gap.fitted import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import Score, touched, traces
@@ -85,6 +85,7 @@ def clear(
     """Those of which each effect is neither chance nor trifle beside the others; alone, any of a large gap
     and any that `unseen` data bear out.
 
+    What answers as the best of them does is one as well: no threshold tells those apart.
     A set must be clear beside each part of it and beside the best of what is simpler. Where the best is a
     trifle itself, the others must be clear beside it. Beside steps of a signal, what else
     there may be must explain what a verdict must.
@@ -128,6 +129,14 @@ def clear(
             w for w in out
             if beside(w, weighed[0]) or (len(w.fit.leaves) == 1 and is_borne_out(_names(w.fit)))
         ]  # fmt: skip
+    if out:
+        best = out[0].fit
+        out += [
+            w for w in weighed
+            if all(w is not x for x in out) and len(w.fit.leaves) == len(best.leaves)
+            and distance(c, w.fit, best) < SAME
+        ]  # fmt: skip
+        out.sort(key=lambda w: -w.probability)
     total = max(sum(w.probability for w in out), 1e-300)
     return [replace(w, probability=w.probability / total) for w in out]
 

@@ -11,6 +11,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import lombscargle
 
 from hil.gap.noise import time_sensitivity
+from hil.gap.problem import Problem
 from hil.gap.result import Located
 
 Array = NDArray[np.float64]
@@ -71,13 +72,14 @@ def jumps(located: Located) -> tuple[str | None, float]:
     """
     problem = located.evidence.problem
     shocks, knocks = _shocks(located), _knocks(located)
+    held = held_off(problem, located.evidence.residual, located.evidence.noise.sigma)
     worst, most = None, 0.0
     for signal in problem.signals:
         quantity = next(x.quantity for x in problem.series if x.signal == signal)
         times = max(
             _wild(located, signal) / WILD.get(quantity, np.inf),
             shocks.get(signal, 0.0) / STRUCK.get(quantity, np.inf),
-            _held(located, signal),
+            held.get(signal, 0.0),
             knocks.get(signal, 0.0),
             _hum(located, signal) / HUM,
         )
@@ -113,24 +115,23 @@ def _shocks(located: Located) -> dict[str, float]:
     return out
 
 
-def _held(located: Located, signal: str) -> float:
-    """Largest run of a signal's samples off to one side, in what is a gap alone; none of a ride, which roads
-    shake."""
-    e = located.evidence
-    most = 0.0
-    for x in e.problem.series:
-        if x.signal != signal or not e.problem.actuators:
-            continue
-        off, kept = e.residual[x.part] / e.noise.sigma[x.part], e.problem.kept[x.part]
+def held_off(problem: Problem, residual: Array, sigma: Array) -> dict[str, float]:
+    """By signal, the largest run of samples of a residual (N,) off to one side, in what is a gap alone;
+    nothing of a ride, which roads shake. `sigma` (N,): spreads."""
+    out: dict[str, float] = {}
+    if not problem.actuators:
+        return out
+    for x in problem.series:
+        off, kept = residual[x.part] / sigma[x.part], problem.kept[x.part]
         begun = int(np.argmax(kept)) if kept.any() else 0
-        every_s = float(np.median(np.diff(e.problem.t_s[x.part])))
-        least = 1 + math.ceil(NEARLY * e.problem.rig.bus.cycle / every_s)
+        every_s = float(np.median(np.diff(problem.t_s[x.part])))
+        least = 1 + math.ceil(NEARLY * problem.rig.bus.cycle / every_s)
         most = max(
-            most,
             _run(np.where(kept, off, 0.0), HELD.get(x.quantity), least),
             _run(off[:begun], STUCK.get(x.quantity), least),
         )
-    return most
+        out[x.signal] = max(out.get(x.signal, 0.0), most)
+    return out
 
 
 def _run(off: Array, asked: tuple[int, float] | None, least: int) -> float:

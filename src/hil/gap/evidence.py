@@ -105,8 +105,8 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
         for k in range(len(fits))
     ]
     costs = np.array(shared)
-    for j, k in _left_a_gap(c, fits):
-        costs[k] = max(costs[k], costs[j])
+    for k, held in _asked_for(c, fits):
+        costs[k] = max(costs[k], *costs[held])
     logs = likely + costs
     real = np.array([bool(f.leaves) for f in fits])
     unit = max(1.0, RELATIVE * float(logs.max() - logs[~real].max()))
@@ -134,15 +134,20 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     return [Weighed(fits[k], float(logs[k]), float(p[k])) for k in order], worth
 
 
-def _left_a_gap(c: Calibrated, fits: Sequence[Fit]) -> list[tuple[int, int]]:
-    """Numbers of each law of friction that leaves a gap of its own, with one that holds it and leaves none:
-    the freedom of that one is asked for."""
+def _asked_for(c: Calibrated, fits: Sequence[Fit]) -> list[tuple[int, list[int]]]:
+    """Numbers of the laws of friction that leave no gap where every simpler one that they hold leaves one,
+    with those: their freedom is asked for."""
     ratio = [largest_ratio(c, f) for f in fits]
-    return [
-        (j, k) for j, k in itertools.permutations(range(len(fits)), 2)
-        if ratio[j] > RATIO and ratio[k] < RARE and len(fits[j].leaves) == len(fits[k].leaves)
-        and len(fits[j].names) < len(fits[k].names) and nested(fits[j].leaves, fits[k].leaves)
-    ]  # fmt: skip
+    out = []
+    for k, f in enumerate(fits):
+        held = [
+            j for j, g in enumerate(fits)
+            if g.leaves and len(g.leaves) == len(f.leaves) and len(g.names) < len(f.names)
+            and nested(g.leaves, f.leaves)
+        ]  # fmt: skip
+        if held and ratio[k] < RARE and min(ratio[j] for j in held) > RATIO:
+            out.append((k, held))
+    return out
 
 
 def temper(c: Calibrated, best: Fit) -> dict[str, Temper]:

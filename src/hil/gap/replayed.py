@@ -8,13 +8,14 @@ where the rig was free. Only a replay of each tells.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.about import is_swinging
+from hil.gap.events import held_off
 from hil.gap.fitted import Calibrated, Fit, replay_cost, spread_of
 from hil.gap.leaves import Leaf, spring
 from hil.gap.nature import LIMITS
@@ -35,8 +36,17 @@ MOST: Final = 2
 """Actuators that are asked for each: those whose signals stand most above their floors."""
 
 
-def suspects(c: Calibrated, none: Fit, leaves: Sequence[Leaf]) -> list[Leaf]:
-    """The springs, gaps and limits among `leaves` where most is left without effects, worst first."""
+def struck(c: Calibrated, f: Fit) -> frozenset[str]:
+    """Actuators of which a fit leaves a signal off to one side for longer than noise or late frames do."""
+    off = held_off(c.problem, f.residual, c.noise.sigma)
+    return frozenset(x.actuator for x in c.problem.series if off.get(x.signal, 0.0) > 1.0)
+
+
+def suspects(
+    c: Calibrated, none: Fit, leaves: Sequence[Leaf], held: Collection[str] = ()
+) -> list[Leaf]:
+    """The springs, gaps and limits among `leaves` where most is left without effects, worst first; before all
+    others those of actuators that are `held` off."""
     left = c.noise.weighted_rms(c.problem, none.residual)
     floors = c.noise.weighted_rms(c.problem, c.noise.draws)
     worst: dict[str, float] = {}
@@ -44,14 +54,14 @@ def suspects(c: Calibrated, none: Fit, leaves: Sequence[Leaf]) -> list[Leaf]:
         if floors[x.signal] > 0.0:
             ratio = left[x.signal] / floors[x.signal]
             worst[x.actuator] = max(worst.get(x.actuator, 0.0), ratio)
-    ranked = sorted(leaves, key=lambda x: -worst.get(x.location, 0.0))
+    ranked = sorted(leaves, key=lambda x: (x.location not in held, -worst.get(x.location, 0.0)))
     shaken = worst.get("imu", 0.0)  # by whichever actuator's spring
     springs = [
         x
         for x in ranked
         if is_swinging(x.parameters) and max(worst.get(x.location, 0.0), shaken) > STANDS
     ]
-    hit = [x for x in ranked if worst.get(x.location, 0.0) > KNOCKS]
+    hit = [x for x in ranked if x.location in held or worst.get(x.location, 0.0) > KNOCKS]
     gaps = [x for x in hit if x.effect == GAP]
     limits = [x for x in hit if x.effect in LIMITS]
     return springs[:MOST] + gaps[:MOST] + limits[:MOST]
