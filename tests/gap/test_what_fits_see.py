@@ -21,11 +21,18 @@ def ramp_and_hold(mode="position"):
     return Stretch("run", {"axis": (sent, told)}, {}, mode)
 
 
-def test_forces_at_rest_are_those_after_braking_until_the_next_move():
+def test_forces_at_rest_are_those_after_braking_until_friction_has_turned():
     t = np.linspace(0.0, 6.0, 601)
     resting = at_rest(ramp_and_hold(), "axis", t)
-    assert resting[(t > 2.15) & (t < 4.95)].all()
-    assert not resting[(t < 2.05) | (t > 5.0)].any()
+    assert resting[(t > 2.05) & (t < 5.05)].all()  # half a millimetre at 10 mm/s
+    assert not resting[((t > 0.06) & (t < 2.02)) | (t > 5.07)].any()
+
+
+def test_a_reversal_is_no_rest():
+    sent = np.arange(0.0, 4.0, 0.01)
+    told = np.interp(sent, [0.0, 2.0, 2.05, 4.0], [0.0, 0.02, 0.02, 0.0])
+    t = np.linspace(0.1, 4.0, 391)
+    assert not at_rest(Stretch("run", {"axis": (sent, told)}, {}, "position"), "axis", t).any()
 
 
 def test_forces_that_are_commanded_are_judged_at_rest_too():

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.errors import IdentificationError
-from hil.gap.standstill import at_rest
+from hil.gap.standstill import LOOSE, at_rest
 from hil.gap.ticks import Clocks, at_ticks
 from hil.identify.replay import Stretch
 from hil.sim.parameters import ParameterTable
@@ -33,8 +33,6 @@ Mask = NDArray[np.bool_]
 
 SETTLE_S: Final = 0.5
 """Start of a stretch that is not judged: how the rig rested before is not known."""
-LOOSE: Final = 5e-4
-"""m or rad: until it has moved so far, what an actuator's stiction and integrator hold is not known."""
 ENOUGH: Final = 1000.0
 """Samples that tell all there is: beyond them the small ways in which any twin is wrong count, not noise [set
 on healthy records of the used-up exam of seed 81 and of a second world: so weighed, their nuisances stay near

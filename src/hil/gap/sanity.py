@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.errors import IdentificationError
 from hil.gap.draws import sensor_noise, sensor_sigma
-from hil.gap.problem import LOOSE, Problem, Series
+from hil.gap.problem import Problem, Series
 from hil.gap.rounding import step_of
+from hil.gap.standstill import LOOSE
 from hil.runs import Run
 
 Array = NDArray[np.float64]

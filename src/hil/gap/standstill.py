@@ -1,7 +1,8 @@
 """Where forces say nothing of the rig: at rest, friction holds whatever force it was left with.
 
 A drive's integrator may keep its force, creep may let it go; both are friction at rest, within its band, and
-depend on laws and history that no rig file holds. So forces are judged while setpoints move.
+depend on laws and history that no rig file holds. So forces are judged while setpoints move, and from a rest
+on when they have moved so far that friction has turned.
 """
 
 from __future__ import annotations
@@ -18,8 +19,12 @@ Mask = NDArray[np.bool_]
 
 SLOW: Final = 2e-4
 """m/s or rad/s: setpoints that move slower stand still."""
-SETTLES_S: Final = 0.1
+SETTLES_S: Final = 0.03
 """After the last move, forces are still those of braking."""
+PAUSE_S: Final = 0.1
+"""A shorter stop is a reversal."""
+LOOSE: Final = 5e-4
+"""m or rad: until it has moved so far, what an actuator's stiction and integrator hold is not known."""
 AHEAD_S: Final = 0.02
 FEWEST: Final = 50
 """Samples that must be left; a record that hardly moves is judged as it is."""
@@ -36,5 +41,10 @@ def at_rest(piece: Stretch, actuator: str, t_s: Array) -> Mask:
     k = np.searchsorted(moving, t_s)
     since = t_s - np.where(k > 0, moving[np.maximum(k - 1, 0)], -np.inf)
     until = np.where(k < len(moving), moving[np.minimum(k, len(moving) - 1)], np.inf) - t_s
-    out = (since > SETTLES_S) & (until > AHEAD_S)
+    out = (since > SETTLES_S) & (until > AHEAD_S) & (since + until > PAUSE_S)
+    for first in moving[np.diff(moving, prepend=-np.inf) > PAUSE_S]:
+        held = t_s >= first - AHEAD_S
+        away = np.abs(told - told[np.searchsorted(t, first) - 1]) > LOOSE
+        loose = t[(t >= first) & away]
+        out |= held & (t_s < (loose[0] if len(loose) else np.inf))
     return out if np.count_nonzero(~out) >= FEWEST else np.zeros(len(t_s), dtype=bool)
