@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import IdentificationError
 from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
+from hil.gap.bicycle.diagnose import _is_further
 from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.twin import LEAN_TORQUE
+from hil.gap.nuisances import Nuisance
 from tests.bicycle.rides import run_of
 
 NOMINAL = load_bicycle("bicycle")
@@ -162,3 +165,19 @@ def test_an_interval_ends_where_another_damping_first_answers_otherwise():
     assert furthest(factors, alike, 1.0) == 1.3
     assert furthest(factors[::-1], alike[::-1], -1.0) == 0.1
     assert furthest(factors, [False] * 6, 1.0) == 1.0
+
+
+def test_a_nuisance_that_went_no_further_than_calibrations_leave_it_is_no_effect():
+    problem = SimpleNamespace(base=np.array([1.0]), table=SimpleNamespace(index=lambda name: 0))
+
+    def named(scale):
+        wheel = SimpleNamespace(
+            effect="wheel_radius",
+            location="rear_wheel",
+            parameters={"scale": SimpleNamespace(value=scale)},
+        )
+        return SimpleNamespace(effects=(wheel,), calibrated=SimpleNamespace(problem=problem))
+
+    priors = [Nuisance("rear_wheel.wheel_radius.scale", 0.002, "1")]
+    assert not _is_further(named(1.004), priors)
+    assert _is_further(named(1.012), priors)

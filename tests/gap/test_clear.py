@@ -53,3 +53,11 @@ def test_a_set_must_be_clear_beside_what_is_simpler_and_as_good(found):
             weighed(118.0, "loop_gain")]  # fmt: skip
     assert ("loop_gain", "sensor_scale") not in found(some, 0.9, is_large=True)
     assert ("loop_gain", "sensor_scale") in found(some, 1.4, is_large=True)
+
+
+def test_what_answers_as_a_finding_does_is_one_as_well(found, monkeypatch):
+    some = [weighed(52.0, "sensor_bias"), weighed(51.0, "sensor_scale")]
+    monkeypatch.setattr(module, "distance", lambda c, a, b: 1.0)
+    assert found(some, 0.9) == [("sensor_bias",)], "a scale always acts and must show more"
+    monkeypatch.setattr(module, "distance", lambda c, a, b: 0.05)
+    assert found(some, 0.9) == [("sensor_bias",), ("sensor_scale",)]

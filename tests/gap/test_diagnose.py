@@ -13,6 +13,7 @@ from hil.configfile import load_rig
 from hil.errors import IdentificationError, RunError
 from hil.gap import diagnose, locate
 from hil.gap.leaves import find_leaves
+from hil.gap.nuisances import DELAY_S
 from hil.gap.rounding import step_of
 from hil.rigs import Manipulator
 from hil.sim import Twin
@@ -172,3 +173,18 @@ def test_actuators_that_never_move_are_left_out_of_the_answer():
     assert "slide.force" in signals
     assert "leg1.position" not in signals
     assert all(np.isfinite(s["after"]) for s in signals.values())
+
+
+def test_a_phase_is_told_within_the_first_turn():
+    wave = effect("force_ripple", amplitude=60.0, period=0.005, phase=5.0)
+    found = diagnose(record(wave), AXIS)
+    assert [x.effect for x in found.effects] == ["force_ripple"]
+    assert found.effects[0].parameters["phase"].value == pytest.approx(5.0, abs=0.4)
+
+
+def test_an_interval_holds_what_a_healthy_rig_has_of_the_same():
+    found = diagnose(record(effect("transport_delay", delay=0.006)), AXIS)
+    cause = next(x for x in found.causes if x.effect == "transport_delay")
+    low, high = cause.parameters["delay"].ci
+    assert low < 0.006 < high
+    assert high - low > 2.0 * 1.645 * DELAY_S

@@ -12,7 +12,8 @@ import hil.gap.doubt as module
 from hil.gap import diagnose
 from hil.gap.heldout import Score
 from hil.gap.leaves import Leaf
-from hil.gap.verdict import _is_crystals
+from hil.gap.shares import usually_explained
+from hil.gap.verdict import _is_usual
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
 
@@ -83,15 +84,23 @@ def test_a_fast_ripple_is_no_noise():
 
 
 @pytest.mark.parametrize(
-    ("names", "rates", "same"),
+    ("names", "values", "same"),
     [
         (("drives.clock_drift.rate",), (-9e-6,), True),
         (("drives.clock_drift.rate",), (6e-5,), False),
         (("drives.clock_drift.rate", "axis.coulomb_friction.force"), (9e-6, 40.0), False),
+        (("axis.lead_error.amplitude", "axis.lead_error.period"), (-2e-6, 0.005), True),
+        (("axis.lead_error.amplitude", "axis.lead_error.period"), (9e-6, 0.005), False),
+        (("axis.lead_error.scale",), (1.02,), False),
     ],
 )
-def test_clocks_that_differ_as_any_two_do_are_no_finding(names, rates, same: bool):
-    assert _is_crystals(SimpleNamespace(names=names, values=np.array(rates))) is same
+def test_clocks_and_screws_that_differ_as_any_do_are_no_finding(names, values, same: bool):
+    effects = dict.fromkeys(tuple(n.split(".")[:2]) for n in names)
+    leaves = tuple(
+        Leaf(e, at, tuple(n for n in names if n.startswith(f"{at}.{e}.")), (), None)
+        for at, e in effects
+    )
+    assert _is_usual(SimpleNamespace(leaves=leaves, names=names, values=np.array(values))) is same
 
 
 @pytest.mark.parametrize(("after", "is_doubtful"), [(1.0, False), (1.04, False), (1.1, True)])
@@ -103,3 +112,13 @@ def test_what_leaves_unseen_data_further_off_is_not_there(monkeypatch, after, is
     told = module.Told(0.98, 300.0, Score(("axis.force",), 1.0, after, 1.0, None, None))
     unknown, _ = module.doubt(None, None, f, told, None, 1.0)
     assert (unknown > 0.5) is is_doubtful
+
+
+def test_between_impacts_a_gap_is_explained_whatever_the_impacts_leave():
+    usual = {"none": {"axis.force": 2.0, "imu.accel_x": 3.2}, "fit": {"axis.force": 1.0, "imu.accel_x": 1.3},
+             "draws": {"axis.force": 1.0, "imu.accel_x": 1.0}}  # fmt: skip
+    noise = SimpleNamespace(usual=lambda problem, rows: usual[rows], draws="draws")
+    c = SimpleNamespace(problem=None, noise=noise)
+    none, fit = SimpleNamespace(residual="none"), SimpleNamespace(residual="fit")
+    assert usually_explained(c, none, fit) == pytest.approx(1.0 - 0.69 / 12.24, abs=1e-3)
+    assert usually_explained(c, none, none) == 0.0

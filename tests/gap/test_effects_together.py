@@ -72,12 +72,18 @@ def test_a_few_lost_frames_are_a_gap_alone():
     assert named(found) == {("lost_frames", "bus")}
 
 
-def with_lost_frames(*effects, every=40):
-    """A record whose drive never saw one setpoint in `every`."""
+def test_three_frames_that_are_lost_in_fast_motion_are_enough():
+    found = diagnose(with_lost_frames(frames=(232, 678, 955)), AXIS)
+    assert found.verdict == "identified"
+    assert named(found) == {("lost_frames", "bus")}
+
+
+def with_lost_frames(*effects, every=40, frames=()):
+    """A record whose drive never saw one setpoint in `every`, or those numbered `frames`."""
     asked = record(*effects)
     told = asked.dropna(subset=["axis.setpoint"])
     seen = np.ones(len(told), dtype=bool)
-    seen[200:1300:every] = False
+    seen[list(frames) or slice(200, 1300, every)] = False
     stamps = {
         s: asked.loc[asked[s].notna(), "t"].to_numpy() for s in ("axis.position", "axis.force")
     }

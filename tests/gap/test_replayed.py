@@ -12,17 +12,23 @@ from hil.gap.frames import _at_once
 from hil.gap.heldout import split
 from hil.gap.locate import locate
 from hil.gap.nuisances import default_nuisances
-from hil.gap.replayed import least_left, suspects
+from hil.gap.replayed import least_left, struck, suspects
 from hil.gap.training import begin, candidates_of
 from tests.gap.twin_runs import AXIS, effect, record
 
 
-def scanned(frame, name: str) -> dict[str, float]:
-    """What the scan finds for the candidate `name`, if it is asked."""
+def begun(frame):
+    """A record calibrated, the twin without effects, and the candidates."""
     e = locate(frame, AXIS).evidence
     parts = split(e.problem, e.noise, e.residual)
     c, none = begin(e, parts, default_nuisances(AXIS, e.problem.signals), {}, 0)
-    asked = suspects(c, none, candidates_of(c, none, ()).leaves)
+    return c, none, candidates_of(c, none, ()).leaves
+
+
+def scanned(frame, name: str) -> dict[str, float]:
+    """What the scan finds for the candidate `name`, if it is asked."""
+    c, none, leaves = begun(frame)
+    asked = suspects(c, none, leaves)
     found = [least_left(c, none, leaf) for leaf in asked if leaf.name == name]
     return found[0] if found else {}
 
@@ -32,6 +38,22 @@ def test_a_wide_gap_is_found_by_replaying_each_width():
     assert found["axis.backlash.gap"] == pytest.approx(9e-4, rel=0.3)
 
 
+def test_a_gap_of_a_worn_out_joint_is_found_too():
+    found = scanned(record(effect("backlash", gap=0.014)), "axis.backlash")
+    assert found["axis.backlash.gap"] == pytest.approx(0.014, rel=0.3)
+
+
+def test_an_actuator_that_is_held_off_for_a_moment_is_asked_for_limits_and_gaps():
+    frame = record()
+    answered = frame.index[frame["axis.position"].notna()]
+    hit = {"backlash", "force_saturation", "velocity_saturation"}
+    for off_m, asked in ((0.0, set()), (4e-4, hit)):
+        held = frame.copy()
+        held.loc[answered[300:308], "axis.position"] -= off_m
+        c, none, leaves = begun(held)
+        assert {x.effect for x in suspects(c, none, leaves, struck(c, none))} & hit == asked
+
+
 def test_a_speed_limit_that_is_seldom_hit_is_found_by_replays():
     found = diagnose(record(effect("velocity_saturation", limit=0.115)), AXIS)
     assert [x.effect for x in found.effects] == ["velocity_saturation"]
@@ -39,10 +61,8 @@ def test_a_speed_limit_that_is_seldom_hit_is_found_by_replays():
 
 
 def test_nobody_is_suspected_on_a_healthy_record():
-    e = locate(record(), AXIS).evidence
-    parts = split(e.problem, e.noise, e.residual)
-    c, none = begin(e, parts, default_nuisances(AXIS, e.problem.signals), {}, 0)
-    assert suspects(c, none, candidates_of(c, none, ()).leaves) == []
+    c, none, leaves = begun(record())
+    assert suspects(c, none, leaves) == []
 
 
 def test_frames_of_the_same_cycles_were_lost_by_no_bus():

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import hil.gap.evidence as evidence
 import hil.gap.joint as joint
 from hil.gap import diagnose
 from hil.gap.fit import fit
 from hil.gap.heldout import split
-from hil.gap.leaves import find_leaves
+from hil.gap.leaves import Leaf, find_leaves
 from hil.gap.locate import locate
 from hil.gap.nuisances import default_nuisances
 from hil.gap.replayed import suspects
@@ -100,3 +101,17 @@ def test_a_fit_that_pushed_nuisances_far_is_not_whole(monkeypatch, prior, is_who
     monkeypatch.setattr(joint, "most_left", lambda c, f: 1.0)
     head = SimpleNamespace(prior_cost=prior, residual=np.zeros(3))
     assert joint._is_whole(SimpleNamespace(), head) is is_whole
+
+
+def test_freedom_that_a_gap_asks_for_costs_no_more_than_that_of_the_law_that_leaves_it(monkeypatch):
+    def law(name, parameters, ratio):
+        leaf = Leaf(name, "axis", (), (), "axis")
+        return SimpleNamespace(leaves=(leaf,), names=("x",) * parameters, ratio=ratio)
+
+    monkeypatch.setattr(evidence, "largest_ratio", lambda c, f: f.ratio)
+    none = SimpleNamespace(leaves=(), names=(), ratio=9.0)
+    viscous, peaked = law("viscous_friction", 1, 5.0), law("stribeck_friction", 3, 1.2)
+    leaves_a_gap, leaves_none = (law("coulomb_friction", 1, ratio) for ratio in (1.8, 1.0))
+    assert evidence._asked_for(None, [none, viscous, leaves_a_gap, peaked]) == [(3, [1, 2])]
+    assert evidence._asked_for(None, [none, viscous, leaves_none, peaked]) == []
+    assert evidence._asked_for(None, [none, viscous, leaves_a_gap, law("hysteresis", 2, 1.6)]) == []

@@ -41,6 +41,8 @@ CRYSTALS: Final = 2e-5
 """s/s: what the clocks of healthy drives and hosts differ by [R]. No nuisance: what differs by no more is no
 finding."""
 RATE: Final = ".clock_drift.rate"
+WOBBLE_M: Final = 3e-6
+"""Amplitude of a lead error that every screw has in each turn [R: ISO 3408-3 allows the best class 3 µm]."""
 DRIFT: Final = 0.25
 """Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
 SWITCHED_ON: Final = 1.0

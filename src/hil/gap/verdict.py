@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
@@ -20,9 +21,10 @@ from hil.gap.evidence import weigh
 from hil.gap.fitted import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import Score
+from hil.gap.leaves import Leaf
 from hil.gap.locate import RATIO
 from hil.gap.nature import EVENTS
-from hil.gap.nuisances import CRYSTALS, RATE
+from hil.gap.nuisances import CRYSTALS, WOBBLE_M
 from hil.gap.result import Located, SignalGap
 from hil.gap.rounding import EFFECT as ROUNDED
 from hil.gap.shares import largest_ratio
@@ -94,10 +96,10 @@ def answer(
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
     share = explained_share(c, none, first, gain)
-    if _is_crystals(first) and is_large and by_share(share, gain) > 0.5:
+    if _is_usual(first) and is_large and by_share(share, gain) > 0.5:
         return replace(_nothing_like_it(located, held_out), not_excited=not_excited(c, bank))
-    if _is_crystals(first):
-        sentence = "No gap but that clocks differ by less than 20 ppm, as any two do."
+    if _is_usual(first):
+        sentence = "No gap but clocks within 20 ppm and screws within 3 µm, as any are."
         found = replace(no_gap(located, held_out), sentence=sentence)
         return replace(found, not_excited=not_excited(c, bank))
     part = unseen(first)
@@ -127,10 +129,18 @@ def stands(located: Located, c: Calibrated, none: Fit) -> bool:
     return largest_ratio(c, none) > LARGE or max(map(_surely, located.signals)) > RATIO
 
 
-def _is_crystals(f: Fit) -> bool:
-    """Whether all that a fit says is that two clocks differ as any two do."""
-    rates = [abs(v) for n, v in zip(f.names, f.values.tolist(), strict=True) if n.endswith(RATE)]
-    return len(rates) == len(f.names) and max(rates, default=0.0) < CRYSTALS
+def _is_usual(f: Fit) -> bool:
+    """Whether all that a fit says is that two clocks differ, or screws wobble, as any do."""
+    values: dict[str, float] = dict(zip(f.names, f.values.tolist(), strict=True))
+
+    def is_usual(leaf: Leaf) -> bool:
+        mine = {n.rpartition(".")[2]: v for n, v in values.items() if n in leaf.parameters}
+        if leaf.effect == "clock_drift":
+            return abs(mine["rate"]) < CRYSTALS
+        is_wave = leaf.effect == "lead_error" and "scale" not in mine
+        return is_wave and abs(mine.get("amplitude", math.inf)) < WOBBLE_M
+
+    return all(map(is_usual, f.leaves))
 
 
 def _is_once(c: Calibrated, f: Fit, gain: float) -> bool:
