@@ -19,7 +19,7 @@ from hil.gap.constancy import Variation, variation
 from hil.gap.fitted import Calibrated, Fit
 from hil.gap.heldout import Score
 from hil.gap.leaves import Leaf
-from hil.gap.nature import EVENTS, MOMENTS, WAVES
+from hil.gap.nature import EVENTS, FLANKS, MOMENTS, WAVES
 from hil.gap.shares import RARE, explained, largest_ratio, usually_explained
 
 SOFT: Final = 0.06
@@ -86,7 +86,7 @@ def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
 
 def _strikes(f: Fit, gain: float, c: Calibrated) -> bool:
     """Whether a fit of `gain` nats is flanks that meet, beyond doubt."""
-    return gain > asked(c).certain and all(leaf.effect == "backlash" for leaf in f.leaves)
+    return gain > asked(c).certain and all(leaf.effect in FLANKS for leaf in f.leaves)
 
 
 def is_hidden(c: Calibrated, none: Fit, f: Fit) -> bool:

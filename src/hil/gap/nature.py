@@ -25,7 +25,8 @@ LIMITS: Final = frozenset({"force_saturation", "velocity_saturation"})
 """Their starts are read from the record: nothing to scale."""
 EVENTS: Final = LIMITS | {"lost_frames"}
 """They may act in a few samples alone, and there leave what no twin's small ways make."""
-MOMENTS: Final = EVENTS | {"backlash"}
-"""Those and what does most as flanks meet."""
+FLANKS: Final = frozenset({"backlash"})
+"""They do most as flanks meet."""
+MOMENTS: Final = EVENTS | FLANKS
 NEAR: Final = frozenset({"backlash", "transport_delay", "sensor_latency", "clock_drift"})
 """They grow in no proportion to their parameter: only near a start is its column what they do."""

@@ -18,14 +18,13 @@ from hil.gap.about import is_swinging
 from hil.gap.events import held_off
 from hil.gap.fitted import Calibrated, Fit, replay_cost, spread_of
 from hil.gap.leaves import Leaf, spring
-from hil.gap.nature import LIMITS
+from hil.gap.nature import FLANKS, LIMITS
 
 Array = NDArray[np.float64]
 
 SWINGS_HZ: Final = tuple(3.0 * 1.2**k for k in range(15))
 HARDER: Final = (0.0, 0.1, 0.3, 0.8)
 """How much a spring may stiffen: the more it is wound up, the faster it swings."""
-GAP: Final = "backlash"
 CLOSER: Final = (0.96, 0.98, 1.0)
 """Times the starts of a limit; a fit looks about the best of them (`hil.gap.about`)."""
 STANDS: Final = 2.0
@@ -62,7 +61,7 @@ def suspects(
         if is_swinging(x.parameters) and max(worst.get(x.location, 0.0), shaken) > STANDS
     ]
     hit = [x for x in ranked if x.location in held or worst.get(x.location, 0.0) > KNOCKS]
-    gaps = [x for x in hit if x.effect == GAP]
+    gaps = [x for x in hit if x.effect in FLANKS]
     limits = [x for x in hit if x.effect in LIMITS]
     return springs[:MOST] + gaps[:MOST] + limits[:MOST]
 
@@ -71,7 +70,7 @@ def least_left(c: Calibrated, none: Fit, leaf: Leaf) -> dict[str, float]:
     """Values of the parameters of `leaf` that leave least; empty where all are worse than none."""
     table, problem = c.problem.table, c.problem
     index = [table.index(n) for n in leaf.parameters]
-    if leaf.effect == GAP:
+    if leaf.effect in FLANKS:
         some = [tuple(s.columns[0].values()) for s in leaf.starts]
     elif leaf.effect in LIMITS:
         starts = [value for s in leaf.starts for value in s.columns[0].values()]
