@@ -4,6 +4,8 @@ The twin makes the data here, so this shows that the machinery works, not how we
 `hil gap exam`, whose world is another.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,7 +14,8 @@ from hil.cli.gap_diagnose import all_but
 from hil.configfile import load_rig
 from hil.errors import IdentificationError, RunError
 from hil.gap import diagnose, locate
-from hil.gap.leaves import find_leaves
+from hil.gap.causes import _parameters
+from hil.gap.leaves import Leaf, find_leaves
 from hil.gap.nuisances import DELAY_S
 from hil.gap.rounding import step_of
 from hil.rigs import Manipulator
@@ -182,9 +185,11 @@ def test_a_phase_is_told_within_the_first_turn():
     assert found.effects[0].parameters["phase"].value == pytest.approx(5.0, abs=0.4)
 
 
-def test_an_interval_holds_what_a_healthy_rig_has_of_the_same():
-    found = diagnose(record(effect("transport_delay", delay=0.006)), AXIS)
-    cause = next(x for x in found.causes if x.effect == "transport_delay")
-    low, high = cause.parameters["delay"].ci
-    assert low < 0.006 < high
-    assert high - low > 2.0 * 1.645 * DELAY_S
+def test_an_interval_holds_what_a_healthy_rig_has_of_the_same(friction):
+    c = friction.calibrated
+    leaf = Leaf("transport_delay", "axis", ("axis.transport_delay.delay",), (), "axis")
+    told = {"names": leaf.parameters, "values": np.array([1e-3]), "search_sd": np.array([1e-9])}
+    for nuisances, half_s in ((c.nuisances, np.hypot(1.3e-4, 1.645 * DELAY_S)), ((), 1.3e-4)):
+        fit = replace(friction.best, **told)
+        low, high = _parameters(replace(c, nuisances=nuisances), fit, leaf, 1.0)["delay"].ci
+        assert 0.5 * (high - low) == pytest.approx(half_s, rel=1e-3)

@@ -50,17 +50,11 @@ def about(table: ParameterTable, start: Mapping[str, float], vector: Array) -> A
         rows[:, hard] = some[:, 2]
         return rows
     limit = next((n for n in start if n.endswith(LIMIT)), None)
-    if limit is not None:
-        i, p = table.index(limit), table[limit]
-        rows = np.tile(vector, (len(CLOSER), 1))
-        rows[:, i] = np.clip(vector[i] * np.array(CLOSER), p.lower, p.upper)
-        return rows
-    name = next(iter(start), "")
-    if len(start) != 1 or not name.endswith(RUGGED):
+    name = limit or next(iter(start), "")
+    if limit is None and (len(start) != 1 or not name.endswith(RUGGED)):
         return np.empty((0, len(vector)))
     i, p = table.index(name), table[name]
-    rows = np.tile(vector, (len(ABOUT), 1))
-    rows[:, i] = np.clip(
-        p.neutral * (1.0 - np.array(ABOUT)) + vector[i] * np.array(ABOUT), p.lower, p.upper
-    )
+    origin, times = (p.neutral, np.array(ABOUT)) if limit is None else (0.0, np.array(CLOSER))
+    rows = np.tile(vector, (len(times), 1))
+    rows[:, i] = np.clip(origin * (1.0 - times) + vector[i] * times, p.lower, p.upper)
     return rows

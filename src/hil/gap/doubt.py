@@ -80,11 +80,11 @@ def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
         return 1.0
     saved = none.prior_cost - f.prior_cost
     hidden = saved / none.prior_cost if is_hidden(c, none, f) else 0.0
-    between = usually_explained(c, none, f) if _strikes(f, gain, c) else 0.0
+    between = usually_explained(c, none, f) if _strikes(c, f, gain) else 0.0
     return max(hidden, between, explained(c, none, f, is_sure=gain > asked(c).decisive))
 
 
-def _strikes(f: Fit, gain: float, c: Calibrated) -> bool:
+def _strikes(c: Calibrated, f: Fit, gain: float) -> bool:
     """Whether a fit of `gain` nats is flanks that meet, beyond doubt."""
     return gain > asked(c).certain and all(leaf.effect in FLANKS for leaf in f.leaves)
 

@@ -21,8 +21,8 @@ from hil.gap.bank import ABSOLUTE
 from hil.gap.fit import step_size
 from hil.gap.fitted import Calibrated, Fit, loss
 from hil.gap.friction import nested
-from hil.gap.locate import RATIO
 from hil.gap.nature import MOMENTS
+from hil.gap.result import RATIO
 from hil.gap.shares import RARE, largest_ratio
 
 Array = NDArray[np.float64]

@@ -31,7 +31,7 @@ ODDS: Final = 6.0
 FEWEST: Final = 4
 PLAIN: Final = (2, 60.0)
 """Frames, and nats of their marks, that tell as well: two that are lost as a rig is struck [healthy records
-and faults of others, 160 records of two worlds: two or three marks have less than 25]."""
+and faults from outside, 142 records of two worlds: two or three marks have 35 at most]."""
 AT_ONCE: Final = 0.5
 """Share of the lost frames of several drives that are one cycle's, from which on it was no bus that lost
 them, one by one, but a host that sent none."""

@@ -49,7 +49,7 @@ GAPS_M: Final = (
 )
 """When a flank is met, and how hard, changes with the gap: no linear picture of one holds far from it."""
 WIDEST: Final = 0.5
-"""Of how far an actuator moves, m or rad: in a wider gap it never touches both flanks."""
+"""Of how far an actuator moves, m or rad: in a wider gap it seldom meets both flanks."""
 DELAYS_S: Final = (0.001, 0.002, 0.003, 0.0045, 0.006, 0.008, 0.01, 0.0125, 0.015, 0.02)
 """Forces have the cycle of the setpoints in them, so a delay has a best value in each cycle."""
 RATES: Final = (2e-5, 3e-4, 1e-3, 3e-3, 6e-3)

@@ -23,7 +23,7 @@ from hil.gap.problem import Problem
 from hil.gap.regions import region_codes
 from hil.gap.repeats import find_repeats
 from hil.gap.residual import Refit, refit
-from hil.gap.result import Evidence, Located, Place, SignalGap, interval, unit_of
+from hil.gap.result import RATIO, Evidence, Located, Place, SignalGap, interval, unit_of
 from hil.gap.runs import as_runs
 from hil.gap.sanity import Finding, check_answers, check_runs, refuse
 from hil.identify.replay import stretches
@@ -31,8 +31,6 @@ from hil.runs import Run
 
 Array = NDArray[np.float64]
 
-RATIO: Final = 1.5
-"""Within this ratio of the floor there is nothing to explain (the contract's own number)."""
 CLEAR: Final = 6.0
 """-log10 of the chance below which a cell is no chance, with some thousand looked at."""
 LEVEL: Final = 1.25

@@ -42,7 +42,7 @@ CRYSTALS: Final = 2e-5
 finding."""
 RATE: Final = ".clock_drift.rate"
 WOBBLE_M: Final = 3e-6
-"""Amplitude of a lead error that every screw has in each turn [R: ISO 3408-3 allows the best class 3 µm]."""
+"""Amplitude of a lead error that any screw has in each turn [R]."""
 DRIFT: Final = 0.25
 """Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
 SWITCHED_ON: Final = 1.0

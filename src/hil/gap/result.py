@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -17,6 +17,8 @@ from hil.gap.sanity import Finding
 
 Array = NDArray[np.float64]
 METRIC = "rms over judged samples, signals weighed by their floor"
+RATIO: Final = 1.5
+"""Within this ratio of the floor there is nothing to explain (the contract's own number)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,9 +48,7 @@ def explained(
         floors = {s: min(v, after[s]) for s, v in floors.items()}
     asked = floors if signals is None else signals
     ratios = [(before[s] / floors[s], after[s] / floors[s]) for s in asked if floors[s] > 0.0]
-    was = sum(max(b**2 - 1.0, 0.0) for b, _ in ratios)
-    left = sum(max(a**2 - 1.0, 0.0) for b, a in ratios)
-    share = float(np.clip((was - left) / max(was, FAINT), 0.0, 1.0))
+    was, share = _gone(ratios)
     if was < FAINT or largest_ratio(c, none) < RARE:
         return max(share, _robustly(c, none, f))
     return share
@@ -63,9 +61,15 @@ def usually_explained(c: Calibrated, none: Fit, f: Fit) -> float:
         c.noise.usual(c.problem, r) for r in (c.noise.draws, none.residual, f.residual)
     )
     ratios = [(before[s] / v, after[s] / v) for s, v in floors.items() if v > 0.0]
+    return _gone(ratios)[1]
+
+
+def _gone(ratios: Collection[tuple[float, float]]) -> tuple[float, float]:
+    """Energy above the floor before, and the share of it that has gone: `ratios` of signals to their floors,
+    before and after."""
     was = sum(max(b**2 - 1.0, 0.0) for b, _ in ratios)
     left = sum(max(a**2 - 1.0, 0.0) for _, a in ratios)
-    return float(np.clip((was - left) / max(was, FAINT), 0.0, 1.0))
+    return was, float(np.clip((was - left) / max(was, FAINT), 0.0, 1.0))
 
 
 def above_noise(c: Calibrated, f: Fit) -> float:

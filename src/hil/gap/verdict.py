@@ -22,10 +22,9 @@ from hil.gap.fitted import Calibrated, Fit
 from hil.gap.frames import EFFECT as LOST
 from hil.gap.heldout import Score
 from hil.gap.leaves import Leaf
-from hil.gap.locate import RATIO
 from hil.gap.nature import EVENTS
 from hil.gap.nuisances import CRYSTALS, WOBBLE_M
-from hil.gap.result import Located, SignalGap
+from hil.gap.result import RATIO, Located, SignalGap
 from hil.gap.rounding import EFFECT as ROUNDED
 from hil.gap.shares import largest_ratio
 
