@@ -4,13 +4,13 @@
     python -m benchmarks.gap_signs CASES [CASES ...] --out signs.csv
 
 One row a case: what it is and what was said; of the best candidate, right or wrong, the share of the seen
-gap that it explains (`hil.gap.doubt`: EXPLAINED, FEW), what it takes off unseen data (HOLDS, BORNE_OUT),
+gap that it explains (`judged.doubt`: EXPLAINED, FEW), what it takes off unseen data (HOLDS, BORNE_OUT),
 how much of it varies (VARIES), its nats, the floors of its trace and the nats of priors that it saves
-(`hil.gap.clear`: COUNTED, BORNE_OUT), and how high unseen data stand without it; what the nuisances' priors
-cost without it (decision 6; half a sum of squares); the largest signal in floors (`hil.gap.verdict`: LARGE),
-how loud the record is beside the noise model (`hil.gap.loudness`: LEVEL_RANGE, LOUDEST), and its lone
-samples (`hil.gap.events`: WILD, STRUCK, HELD; 1 is a gap). Then their quantiles by kind of case. Rows are
-kept as they come and never made twice. Meant for tuning seeds, from 1000 on, never for an exam's.
+(`judged.clear`: COUNTED, BORNE_OUT), and how high unseen data stand without it; what the nuisances' priors
+cost without it (decision 6; half a sum of squares); the largest signal in floors (`judged.verdict`: LARGE),
+how loud the record is beside the noise model (`floor.loudness`: LEVEL_RANGE, LOUDEST), and its lone samples
+(`located.events`: WILD, STRUCK, HELD; 1 is a gap); all in `hil.gap`. Then their quantiles by kind of case.
+Rows are kept as they come and never made twice. Meant for tuning seeds, from 1000 on, never for an exam's.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ import pandas as pd
 from hil.errors import HilError
 from hil.exam.case import ANSWER, case_folders, load_case, read_answer
 from hil.exam.paper import Paper
-from hil.gap.causes import Shown
-from hil.gap.clear import signals
-from hil.gap.constancy import variation
 from hil.gap.diagnose import Considered, consider
-from hil.gap.doubt import explained_share
-from hil.gap.events import jumps
-from hil.gap.evidence import weigh
-from hil.gap.fitted import Fit
-from hil.gap.heldout import traces
+from hil.gap.fits.evidence import weigh
+from hil.gap.fits.fitted import Fit
+from hil.gap.fits.heldout import traces
+from hil.gap.judged.causes import Shown
+from hil.gap.judged.clear import signals
+from hil.gap.judged.constancy import variation
+from hil.gap.judged.doubt import explained_share
+from hil.gap.located.events import jumps
 
 SIGNS = (
     "share", "unseen", "stands", "varies", "nats", "trace", "saved", "priors", "floors", "loud", "lone"

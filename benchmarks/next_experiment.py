@@ -22,17 +22,17 @@ import numpy as np
 
 from hil.config import RigFile
 from hil.configfile import load_rig
-from hil.gap.draws import draws
-from hil.gap.evidence import weigh
-from hil.gap.fit import fit
-from hil.gap.fitted import Calibrated, Fit, calibrated
-from hil.gap.leaves import Leaf
+from hil.gap.catalogue.nuisances import default_nuisances
+from hil.gap.fits.evidence import weigh
+from hil.gap.fits.fit import fit
+from hil.gap.fits.fitted import Calibrated, Fit, calibrated
+from hil.gap.floor.draws import draws
+from hil.gap.floor.noise import find_noise
+from hil.gap.located.residual import refit
 from hil.gap.next import Sketch, generic_multisine, propose
 from hil.gap.next.score import recorded
-from hil.gap.noise import find_noise
-from hil.gap.nuisances import default_nuisances
-from hil.gap.problem import Problem
-from hil.gap.residual import refit
+from hil.gap.record.leaf import Leaf
+from hil.gap.record.problem import Problem
 
 Truth = Mapping[str, float]
 SIGNALS = ("axis.position", "axis.force")

@@ -22,7 +22,7 @@ from hil.exam.make import make_case
 from hil.exam.severity import Bench
 from hil.exam.sit import sit_case
 from hil.exam.world import Scatter, World
-from hil.gap.nuisances import default_nuisances
+from hil.gap.catalogue.nuisances import default_nuisances
 from tests.exam.worlds import sway
 
 ORDER = Order(

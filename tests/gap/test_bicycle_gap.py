@@ -18,7 +18,7 @@ from hil.gap.bicycle.diagnose import _is_further
 from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.twin import LEAN_TORQUE
-from hil.gap.nuisances import Nuisance
+from hil.gap.catalogue.nuisances import Nuisance
 from tests.bicycle.rides import run_of
 
 NOMINAL = load_bicycle("bicycle")

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 from hil.gap import diagnose, locate
-from hil.gap.arrivals import find_clocks
-from hil.gap.evidence import weigh
-from hil.gap.fit import fit
-from hil.gap.friction import nested
-from hil.gap.heldout import split
-from hil.gap.leaves import Leaf, find_leaves
-from hil.gap.nuisances import default_nuisances
-from hil.gap.problem import Problem
-from hil.gap.runs import as_runs
-from hil.gap.ticks import Ticks, acting
-from hil.gap.training import begin
+from hil.gap.catalogue.leaves import find_leaves
+from hil.gap.catalogue.nuisances import default_nuisances
+from hil.gap.fits.evidence import weigh
+from hil.gap.fits.fit import fit
+from hil.gap.fits.friction import nested
+from hil.gap.fits.heldout import split
+from hil.gap.fits.training import begin
+from hil.gap.record.arrivals import find_clocks
+from hil.gap.record.leaf import Leaf
+from hil.gap.record.problem import Problem
+from hil.gap.record.runs import as_runs
+from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import stretches
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record

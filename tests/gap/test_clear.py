@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-import hil.gap.clear as module
-from hil.gap.clear import clear
-from hil.gap.evidence import Weighed
+import hil.gap.judged.clear as module
+from hil.gap.fits.evidence import Weighed
+from hil.gap.judged.clear import clear
 
 
 def weighed(nats: float, *names: str, prior: float = 0.0) -> Weighed:

@@ -14,10 +14,11 @@ from hil.cli.gap_diagnose import all_but
 from hil.configfile import load_rig
 from hil.errors import IdentificationError, RunError
 from hil.gap import diagnose, locate
-from hil.gap.causes import _parameters
-from hil.gap.leaves import Leaf, find_leaves
-from hil.gap.nuisances import DELAY_S
-from hil.gap.rounding import step_of
+from hil.gap.catalogue.leaves import find_leaves
+from hil.gap.catalogue.nuisances import DELAY_S
+from hil.gap.floor.rounding import step_of
+from hil.gap.judged.causes import _parameters
+from hil.gap.record.leaf import Leaf
 from hil.rigs import Manipulator
 from hil.sim import Twin
 from hil.ui.diagnosis_page import diagnosis_page

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.gap.heldout import split
-from hil.gap.locate import locate
-from hil.gap.nuisances import LIMIT, default_nuisances
-from hil.gap.problem import AT_LEAST, ENOUGH, Problem
-from hil.gap.runs import as_runs
-from hil.gap.search import Search
-from hil.gap.training import begin, candidates_of
+from hil.gap.catalogue.nuisances import LIMIT, default_nuisances
+from hil.gap.fits.heldout import split
+from hil.gap.fits.training import begin, candidates_of
+from hil.gap.located.locate import locate
+from hil.gap.record.problem import AT_LEAST, ENOUGH, Problem
+from hil.gap.record.runs import as_runs
+from hil.gap.search.linear import Search
 from hil.identify.replay import stretches
 from tests.gap.twin_runs import AXIS, effect, record
 

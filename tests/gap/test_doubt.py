@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import hil.gap.doubt as module
+import hil.gap.judged.doubt as module
 from hil.gap import diagnose
-from hil.gap.heldout import Score
-from hil.gap.leaves import Leaf
-from hil.gap.shares import usually_explained
-from hil.gap.verdict import _is_usual
+from hil.gap.fits.heldout import Score
+from hil.gap.fits.shares import usually_explained
+from hil.gap.judged.verdict import _is_usual
+from hil.gap.record.leaf import Leaf
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hil.gap import diagnose
-from hil.gap.friction import may_join
-from hil.gap.leaves import Leaf
+from hil.gap.fits.friction import may_join
+from hil.gap.record.leaf import Leaf
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hil.gap import diagnose
-from hil.gap.events import jumps
-from hil.gap.locate import locate
+from hil.gap.located.events import jumps
+from hil.gap.located.locate import locate
 from tests.gap.twin_runs import AXIS, effect, record
 
 

@@ -5,14 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil.gap.doubt import is_beyond
-from hil.gap.fit import _as_moved
-from hil.gap.friction import is_itself
-from hil.gap.heldout import split
-from hil.gap.locate import locate
-from hil.gap.nuisances import default_nuisances
-from hil.gap.search import Search
-from hil.gap.training import begin, candidates_of
+from hil.gap.catalogue.nuisances import default_nuisances
+from hil.gap.fits.fit import _as_moved
+from hil.gap.fits.friction import is_itself
+from hil.gap.fits.heldout import split
+from hil.gap.fits.training import begin, candidates_of
+from hil.gap.judged.doubt import is_beyond
+from hil.gap.located.locate import locate
+from hil.gap.search.linear import Search
 from hil.sim.parameters import ParameterTable
 from tests.gap.twin_runs import AXIS, effect, record
 

@@ -5,15 +5,15 @@ import pandas as pd
 import pytest
 
 from hil.configfile import load_rig
-from hil.gap.bank import fill_bank
-from hil.gap.differences import RARE, times_louder
-from hil.gap.draws import sensor_sigma
-from hil.gap.leaves import find_leaves
-from hil.gap.locate import locate
-from hil.gap.loudness import HEALTHY, LOUDEST, Level, level_of
-from hil.gap.noise import find_noise
-from hil.gap.problem import Problem
-from hil.gap.runs import as_runs
+from hil.gap.catalogue.bank import fill_bank
+from hil.gap.catalogue.leaves import find_leaves
+from hil.gap.floor.differences import RARE, times_louder
+from hil.gap.floor.draws import sensor_sigma
+from hil.gap.floor.loudness import HEALTHY, LOUDEST, Level, level_of
+from hil.gap.floor.noise import find_noise
+from hil.gap.located.locate import locate
+from hil.gap.record.problem import Problem
+from hil.gap.record.runs import as_runs
 from hil.identify.replay import Stretch, stretches
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, record

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from hil.gap import diagnose
-from hil.gap.frames import _at_once
-from hil.gap.heldout import split
-from hil.gap.locate import locate
-from hil.gap.nuisances import default_nuisances
-from hil.gap.replayed import least_left, struck, suspects
-from hil.gap.training import begin, candidates_of
+from hil.gap.catalogue.nuisances import default_nuisances
+from hil.gap.fits.frames import _at_once
+from hil.gap.fits.heldout import split
+from hil.gap.fits.training import begin, candidates_of
+from hil.gap.located.locate import locate
+from hil.gap.search.replayed import least_left, struck, suspects
 from tests.gap.twin_runs import AXIS, effect, record
 
 

@@ -7,18 +7,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import hil.gap.evidence as evidence
-import hil.gap.joint as joint
+import hil.gap.fits.evidence as evidence
+import hil.gap.search.joint as joint
 from hil.gap import diagnose
-from hil.gap.fit import fit
-from hil.gap.heldout import split
-from hil.gap.leaves import Leaf, find_leaves
-from hil.gap.locate import locate
-from hil.gap.nuisances import default_nuisances
-from hil.gap.replayed import suspects
-from hil.gap.rivals import ended
-from hil.gap.training import begin
-from hil.gap.verdict import _is_once
+from hil.gap.catalogue.leaves import find_leaves
+from hil.gap.catalogue.nuisances import default_nuisances
+from hil.gap.fits.fit import fit
+from hil.gap.fits.heldout import split
+from hil.gap.fits.training import begin
+from hil.gap.judged.verdict import _is_once
+from hil.gap.located.locate import locate
+from hil.gap.record.leaf import Leaf
+from hil.gap.search.replayed import suspects
+from hil.gap.search.rivals import ended
 from tests.gap.twin_runs import AXIS, effect, record
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hil.gap import diagnose
-from hil.gap.about import about
+from hil.gap.fits.about import about
 from hil.sim.parameters import ParameterTable
 from tests.gap.twin_runs import AXIS, effect, record
 

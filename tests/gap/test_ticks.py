@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hil.gap.ticks import Ticks, acting
+from hil.gap.record.ticks import Ticks, acting
 from tests.gap.twin_runs import AXIS
 
 SENT = np.arange(0.0, 1.0, 0.0101)

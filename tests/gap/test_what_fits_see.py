@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from hil.gap import diagnose, locate
-from hil.gap.heldout import split
-from hil.gap.noise import autoregression
-from hil.gap.problem import Problem
-from hil.gap.runs import as_runs
-from hil.gap.sanity import check_answers
-from hil.gap.standstill import at_rest
+from hil.gap.fits.heldout import split
+from hil.gap.floor.noise import autoregression
+from hil.gap.located.sanity import check_answers
+from hil.gap.record.problem import Problem
+from hil.gap.record.runs import as_runs
+from hil.gap.record.standstill import at_rest
 from hil.identify.replay import Stretch, stretches
 from tests.gap.twin_runs import AXIS, effect, record
 

@@ -24,8 +24,8 @@ from hil.exam.case import Case
 from hil.gap import Nuisance, Problem, default_nuisances, refit
 from hil.gap.bicycle import locate_any
 from hil.gap.bicycle.leaves import ride_nuisances
-from hil.gap.heldout import score, split
-from hil.gap.result import Evidence
+from hil.gap.fits.heldout import score, split
+from hil.gap.located.result import Evidence
 from hil.sim import ParameterTable
 
 Array = NDArray[np.float64]

@@ -3,15 +3,15 @@
 `locate` answers that; `Problem`, `NoiseModel` and `refit` are what it and everything after it stand on.
 """
 
+from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
 from hil.gap.diagnose import diagnose
-from hil.gap.diagnosis import Cause, Diagnosis
-from hil.gap.locate import locate
-from hil.gap.noise import NoiseModel, find_noise
-from hil.gap.nuisances import Nuisance, default_nuisances
-from hil.gap.problem import Problem
-from hil.gap.residual import Refit, refit
-from hil.gap.result import Located, Place, SignalGap
-from hil.gap.sanity import Finding
+from hil.gap.floor.noise import NoiseModel, find_noise
+from hil.gap.judged.diagnosis import Cause, Diagnosis
+from hil.gap.located.locate import locate
+from hil.gap.located.residual import Refit, refit
+from hil.gap.located.result import Located, Place, SignalGap
+from hil.gap.located.sanity import Finding
+from hil.gap.record.problem import Problem
 
 __all__ = [
     "Cause",

@@ -16,20 +16,21 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hil.config import RigFile
-from hil.gap.bank import Bank
-from hil.gap.calmer import calmed
-from hil.gap.candidates import fit_candidates
-from hil.gap.diagnosis import Diagnosis
-from hil.gap.fitted import Calibrated, Fit
-from hil.gap.heldout import split
-from hil.gap.locate import locate
-from hil.gap.nuisances import Nuisance, default_nuisances
-from hil.gap.result import Located
-from hil.gap.rounding import coarse_steps, rounded
-from hil.gap.runs import as_runs
-from hil.gap.search import Search
-from hil.gap.training import begin, candidates_of
-from hil.gap.verdict import answer, stands
+from hil.gap.catalogue.bank import Bank
+from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
+from hil.gap.fits.fitted import Calibrated, Fit
+from hil.gap.fits.heldout import split
+from hil.gap.fits.rounded import rounded
+from hil.gap.fits.training import begin, candidates_of
+from hil.gap.floor.rounding import coarse_steps
+from hil.gap.judged.calmer import calmed
+from hil.gap.judged.diagnosis import Diagnosis
+from hil.gap.judged.verdict import answer, stands
+from hil.gap.located.locate import locate
+from hil.gap.located.result import Located
+from hil.gap.record.runs import as_runs
+from hil.gap.search.candidates import fit_candidates
+from hil.gap.search.linear import Search
 from hil.runs import Run
 
 Report = Callable[[str], None]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from hil.gap import Located
-from hil.gap.regions import DIMENSIONS
+from hil.gap.record.regions import DIMENSIONS
 from hil.ui.report_data import Series, thinned
 
 Array = NDArray[np.float64]

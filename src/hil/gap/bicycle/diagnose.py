@@ -14,19 +14,19 @@ from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
 from hil.gap.bicycle.noise import tempered, with_tolerances
 from hil.gap.bicycle.sets import fit_sets
+from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
-from hil.gap.diagnosis import Cause, Diagnosis
-from hil.gap.doubt import STANDS, chance, least_explained
-from hil.gap.evidence import MORE
-from hil.gap.fitted import Fit
-from hil.gap.heldout import Score, score, split, touched
-from hil.gap.noise import NoiseModel
-from hil.gap.nuisances import Nuisance
-from hil.gap.problem import Mask
-from hil.gap.result import Located
-from hil.gap.search import Search
-from hil.gap.training import begin, candidates_of
-from hil.gap.verdict import answer, judge, stands
+from hil.gap.fits.evidence import MORE
+from hil.gap.fits.fitted import Fit
+from hil.gap.fits.heldout import Score, score, split, touched
+from hil.gap.fits.training import begin, candidates_of
+from hil.gap.floor.noise import NoiseModel
+from hil.gap.judged.diagnosis import Cause, Diagnosis
+from hil.gap.judged.doubt import STANDS, chance, least_explained
+from hil.gap.judged.verdict import answer, judge, stands
+from hil.gap.located.result import Located
+from hil.gap.record.problem import Mask
+from hil.gap.search.linear import Search
 from hil.runs import Run
 
 EXPLAINED: Final = 0.72

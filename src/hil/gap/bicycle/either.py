@@ -8,14 +8,14 @@ from hil.config import AnyRig, BicycleFile
 from hil.gap.bicycle.diagnose import diagnose_rides
 from hil.gap.bicycle.locate import locate_rides
 from hil.gap.diagnose import diagnose
-from hil.gap.diagnosis import Diagnosis
-from hil.gap.locate import locate
-from hil.gap.result import Located
+from hil.gap.judged.diagnosis import Diagnosis
+from hil.gap.located.locate import locate
+from hil.gap.located.result import Located
 from hil.runs import Run
 
 
 def locate_any(runs: Iterable[Run], rig: AnyRig, *, seed: int = 0) -> Located:
-    """`hil.gap.locate`, or `locate_rides`, as `rig` is."""
+    """`hil.gap.located.locate`, or `locate_rides`, as `rig` is."""
     loaded = list(runs)
     if isinstance(rig, BicycleFile):
         return locate_rides(loaded, rig, seed=seed)

@@ -15,8 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from hil.gap.diagnosis import Cause, ParameterValue
-from hil.gap.fitted import Calibrated
+from hil.gap.fits.fitted import Calibrated
+from hil.gap.judged.diagnosis import Cause, ParameterValue
 
 SPRUNG: Final = ("front_suspension", "tyre_compliance")
 LAW: Final[Mapping[str, float]] = {"stiffness": 1.3, "damping": 1.8}
@@ -24,7 +24,7 @@ LAW: Final[Mapping[str, float]] = {"stiffness": 1.3, "damping": 1.8}
 FACTORS: Final = (0.0, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 1.3, 1.7, 2.5, 4.0, 8.0)
 """Times the damping found."""
 ALIKE: Final = 0.5
-"""Floors by which a signal may change and answer alike, as in `hil.gap.evidence`."""
+"""Floors by which a signal may change and answer alike, as in `hil.gap.fits.evidence`."""
 LEFT: Final[Mapping[str, float]] = {
     "sensor_latency": 0.002, "sensor_scale": 0.004, "wheel_radius": 0.003, "wheel_slip": 0.003,
 }  # fmt: skip

@@ -8,9 +8,9 @@ from typing import Final
 from hil.config import BicycleFile
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.twin import LEAN_TORQUE
-from hil.gap.leaves import Changes, Leaf, Start
-from hil.gap.nuisances import SWITCHED_ON, Nuisance
-from hil.gap.problem import Problem
+from hil.gap.catalogue.nuisances import SWITCHED_ON, Nuisance
+from hil.gap.record.leaf import Changes, Leaf, Start
+from hil.gap.record.problem import Problem
 
 LEAN_ZERO: Final = 0.004
 """rad: how upright a bicycle is held when its inclinometer is zeroed [R]."""

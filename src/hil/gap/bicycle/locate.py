@@ -14,14 +14,14 @@ from hil.errors import IdentificationError
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.noise import ride_noise, tempered
 from hil.gap.bicycle.problem import RideProblem
-from hil.gap.cells import count_cells
-from hil.gap.locate import located
-from hil.gap.noise import projected
-from hil.gap.nuisances import Nuisance
-from hil.gap.regions import Codes
-from hil.gap.residual import refit
-from hil.gap.result import Evidence, Located
-from hil.gap.sanity import Finding
+from hil.gap.catalogue.nuisances import Nuisance
+from hil.gap.floor.noise import projected
+from hil.gap.located.cells import count_cells
+from hil.gap.located.locate import located
+from hil.gap.located.residual import refit
+from hil.gap.located.result import Evidence, Located
+from hil.gap.located.sanity import Finding
+from hil.gap.record.regions import Codes
 from hil.runs import Run
 
 Array = NDArray[np.float64]

@@ -19,10 +19,10 @@ from hil.bicycle.sensors import IMU_SIGNALS, noise_of
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.twin import LEAN_TORQUE, RideTwin
-from hil.gap.differences import SPIKE
-from hil.gap.noise import NoiseModel, autoregression, projected
-from hil.gap.problem import Problem
-from hil.gap.result import Evidence
+from hil.gap.floor.differences import SPIKE
+from hil.gap.floor.noise import NoiseModel, autoregression, projected
+from hil.gap.located.result import Evidence
+from hil.gap.record.problem import Problem
 from hil.rigs.bicycle import Packed, low_pass
 
 Array = NDArray[np.float64]

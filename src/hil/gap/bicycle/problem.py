@@ -17,8 +17,8 @@ from hil.config import BicycleFile
 from hil.errors import IdentificationError
 from hil.gap.bicycle.leaves import ride_leaves
 from hil.gap.bicycle.twin import FREE_M_S, LEAN_TORQUE, RideTwin
-from hil.gap.leaves import Leaf
-from hil.gap.problem import Mask, Problem, Series
+from hil.gap.record.leaf import Leaf
+from hil.gap.record.problem import Mask, Problem, Series
 from hil.rigs.bicycle import pack
 from hil.sim.parameters import Parameter, ParameterTable
 

@@ -12,14 +12,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from hil.gap.candidates import FIRST, SINGLES, promising
-from hil.gap.fit import fit
-from hil.gap.fitted import Calibrated, Fit
-from hil.gap.joint import adds
-from hil.gap.leaves import Leaf
-from hil.gap.search import Proposal, Search
-from hil.gap.shares import above_noise
-from hil.gap.starts import changes_of, relative
+from hil.gap.fits.fit import fit
+from hil.gap.fits.fitted import Calibrated, Fit
+from hil.gap.fits.shares import above_noise
+from hil.gap.fits.starts import changes_of, relative
+from hil.gap.record.leaf import Leaf
+from hil.gap.search.candidates import FIRST, SINGLES, promising
+from hil.gap.search.joint import adds
+from hil.gap.search.linear import Proposal, Search
 
 Report = Callable[[str], None]
 

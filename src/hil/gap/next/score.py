@@ -1,10 +1,10 @@
 """How well a motion would split the candidates: each one's twin rides it, all are held against each other.
 
 If a were the truth, how near could the twin with b come? Both answer the motion; what b's own parameters and
-the nuisances can make up for is taken out in the linear picture of `hil.gap.search`, with the nuisances held
-by their priors; what is left, whitened by the floor, its samples counted as a diagnosis counts them, is the
-distance. From the distances follows the posterior to be expected, and from that how often one candidate
-alone would be left.
+the nuisances can make up for is taken out in the linear picture of `hil.gap.search.linear`, with the
+nuisances held by their priors; what is left, whitened by the floor, its samples counted as a diagnosis counts
+them, is the distance. From the distances follows the posterior to be expected, and from that how often one
+candidate alone would be left.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from hil.config import RigFile
-from hil.gap.evidence import RANGE
+from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
+from hil.gap.fits.evidence import RANGE
+from hil.gap.floor.noise import NoiseModel, find_noise
 from hil.gap.next.candidates import Candidate, vector_of
 from hil.gap.next.sketches import Sketch
-from hil.gap.noise import NoiseModel, find_noise
-from hil.gap.nuisances import Nuisance, default_nuisances
-from hil.gap.problem import Problem
+from hil.gap.record.problem import Problem
 from hil.identify.replay import Stretch
 from hil.rigs import Manipulator
 from hil.sim.parameters import Parameter

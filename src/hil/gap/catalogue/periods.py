@@ -1,0 +1,71 @@
+"""Periods over the travel at which a residual repeats itself: where fits of ripple and lead errors start."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.record.problem import Problem
+
+Array = NDArray[np.float64]
+
+SHORTEST: Final = 1e-3
+"""m or rad."""
+A_DECADE: Final = 120
+"""Periods looked at for each factor of 10, refined about the best."""
+MOST: Final = 2
+CYCLES: Final = 1.3
+"""The travel must hold so many of a period."""
+
+
+def force_periods(problem: Problem, residual: Array, actuator: str) -> list[float]:
+    """Periods (m or rad) at which the actuator's force residual repeats along its travel, best first."""
+    return _periods(problem, residual, actuator, by_speed=False)
+
+
+def lead_periods(problem: Problem, residual: Array, actuator: str) -> list[float]:
+    """Periods of an error of the lead: what it costs in force grows with the square of the speed."""
+    return _periods(problem, residual, actuator, by_speed=True)
+
+
+def _periods(problem: Problem, residual: Array, actuator: str, *, by_speed: bool) -> list[float]:
+    xs, ys, ws = [], [], []
+    for s in problem.series:
+        if s.actuator != actuator or s.quantity not in ("force", "current"):
+            continue
+        place = next(
+            (p for p in problem.series
+             if p.stretch == s.stretch and p.signal == f"{actuator}.position"), None)  # fmt: skip
+        kept = problem.kept[s.part]
+        if place is None or not kept.any():
+            continue
+        t, u = problem.t_s[s.part][kept], problem.t_s[place.part]
+        measured = problem.measured[place.part]
+        y = residual[s.part][kept]
+        xs.append(np.interp(t, u, measured))
+        ws.append(np.interp(t, u, np.gradient(measured, u)) ** 2)
+        ys.append((y - y.mean()) / max(float(np.std(y)), 1e-12))
+    if not xs:
+        return []
+    x, y, w = np.concatenate(xs), np.concatenate(ys), np.concatenate(ws)
+    travel = float(np.ptp(x))
+    longest = travel / CYCLES
+    if longest <= 2.0 * SHORTEST or len(x) < 50:
+        return []
+    weight = w / max(float(w.mean()), 1e-300) if by_speed else np.ones_like(x)
+    grid = np.geomspace(SHORTEST, longest, int(A_DECADE * np.log10(longest / SHORTEST)) + 2)
+    # the travel sets how finely a short period must be known; steps of a quarter cycle over it
+    fine = np.arange(1.0 / longest, 1.0 / SHORTEST, 0.25 / travel)
+    waves = np.unique(np.concatenate([1.0 / grid, fine]))
+    power = np.array([_power(x, y, weight, k) for k in waves])
+    peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    best = peaks[np.argsort(-power[peaks])][:MOST]
+    return [float(1.0 / waves[k]) for k in best]
+
+
+def _power(x: Array, y: Array, weight: Array, wave: float) -> float:
+    turn = 2.0 * np.pi * wave * x
+    c, s = weight * np.cos(turn), weight * np.sin(turn)
+    return float((c @ y) ** 2 / max(float(c @ c), 1e-12) + (s @ y) ** 2 / max(float(s @ s), 1e-12))

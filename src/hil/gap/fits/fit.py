@@ -1,0 +1,319 @@
+"""Candidates fitted through the twin: their parameters by Gauss and Newton, the nuisances along with them.
+
+Sensitivities to nuisances are those of the calibrated twin; those to the candidate's own parameters are
+computed anew at each step. Every trial is a replay of the whole record, so a fit that is reported is what
+the twin really answers, not what a linear picture of it promises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from hil.gap.catalogue.bank import ABSOLUTE, shifted
+from hil.gap.catalogue.nuisances import LIMIT
+from hil.gap.fits.about import about, is_swinging
+from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of, weight
+from hil.gap.located.residual import nuisance_sensitivities
+from hil.gap.record.leaf import Leaf
+from hil.gap.record.problem import LATENCY
+from hil.sim.parameters import Parameter
+
+Array = NDArray[np.float64]
+
+ROUNDS: Final = 6
+SETTLED: Final = 0.02
+"""Share of what is left, by which a round gains where a fit goes on."""
+FAR: Final = 0.01
+"""Squared prior deviations of a step of nuisances from which on it tells of their sensitivities."""
+WEAK: Final = 10.0
+"""Prior spread of a candidate's parameter in its own scales: keeps what data do not hold from running off."""
+
+
+def own_nuisances(c: Calibrated, leaves: Sequence[Leaf]) -> list[int]:
+    """Nuisances that are parameters of `leaves` and so are not held by their priors any more."""
+    mine = {p for leaf in leaves for p in leaf.parameters}
+    return [k for k, n in enumerate(c.nuisances) if n.name in mine]
+
+
+def fit(
+    c: Calibrated,
+    leaves: Sequence[Leaf],
+    start: Mapping[str, float],
+    z: Array | None = None,
+    rounds: int = ROUNDS,
+    settled: float = SETTLED,
+) -> Fit | None:
+    """Fit the parameters named in `start` (values as for a twin without effects); None where the twin cannot
+    stand there. `z` (K,): nuisances to start from, by default where calibration left them. `settled`: a round
+    that gains less than this share of what is left ends the fit."""
+    problem = c.problem
+    own = own_nuisances(c, leaves)
+    held = [k for k in range(len(c.nuisances)) if k not in own]
+    A = c.jacobian[:, held][c.train]
+    sd = np.array([c.nuisances[k].sd for k in held])
+    names = list(start)
+    entries = [problem.table[n] for n in names]
+    index = [problem.table.index(n) for n in names]
+    vector, answer, z = _begin(c, start, held, c.z if z is None else z)
+    if not np.all(np.isfinite(answer)):
+        return None
+    x = np.array([p.to_search(float(vector[i])) for p, i in zip(entries, index, strict=True)])
+    ends = [_ends(p) for p in entries]
+    scale = np.array([step_size(p, s) for p, s in zip(entries, x, strict=True)])
+    residual = problem.measured - answer
+    white = c.noise.whiten(problem, residual)
+    covariance: Array = np.diag((WEAK * scale) ** 2)
+    lower = np.concatenate([np.full(len(held), -LIMIT), [e[0] for e in ends]])
+    upper = np.concatenate([np.full(len(held), LIMIT), [e[1] for e in ends]])
+    spread = spread_of(c, white)
+    stalled = 0
+    for _ in range(2 * rounds if is_swinging(names) else rounds):
+        cost = _total(c, white, z, spread)
+        A = _with_latencies(c, A, held, vector, residual)
+        B = sensitivities(c, vector, answer, names)
+        J = np.hstack([A, B[c.train] * scale])
+        here = np.concatenate([z, x / scale])
+        stiff = np.full(len(held), np.sqrt(c.problem.discount))
+        ridge = np.concatenate([stiff, np.full(len(x), 1.0 / WEAK)])
+        new, information = _robust_step(
+            J, white[c.train], here, ridge,
+            lower / _units(held, scale), upper / _units(held, scale), spread,
+        )  # fmt: skip
+        inverse = np.asarray(np.linalg.pinv(information), dtype=np.float64)
+        covariance = inverse[len(held) :, len(held) :] * np.outer(scale, scale)
+        gained = 0.0
+        for share in (1.0, 0.4, 0.1):
+            point = here + share * (new - here)
+            trial = _at(c, vector, held, sd, point[: len(held)] - z, index, entries,
+                        point[len(held) :] * scale)  # fmt: skip
+            answer_new = problem.answers(trial)[0]
+            if not np.all(np.isfinite(answer_new)):
+                continue
+            left = problem.measured - answer_new
+            white_new = c.noise.whiten(problem, left)
+            cost_new = _total(c, white_new, point[: len(held)], spread)
+            step = point - here
+            told = A @ step[: len(held)] + J[:, len(held) :] @ step[len(held) :]
+            A = _as_moved(A, (white - white_new)[c.train] - told, step[: len(held)])
+            if cost_new < cost:
+                gained = cost - cost_new
+                vector, answer, residual, white = trial, answer_new, left, white_new
+                z, x = point[: len(held)], point[len(held) :] * scale
+                break
+        before, spread = spread, spread_of(c, white)
+        enough = settled * max(cost / max(c.train.sum(), 1), 0.02) * c.train.sum()
+        stalled = 0 if gained > enough or spread < 0.8 * before else stalled + 1
+        if stalled > 1 or (stalled == 1 and share == 1.0):
+            break  # settled, or corrected sensitivities have not helped either
+    full_z = np.array(c.z)
+    full_z[held] = z
+    full_z[own] = 0.0
+    bound = tuple(
+        n for n, s, e in zip(names, x, ends, strict=True)
+        if min(abs(s - e[0]), abs(e[1] - s)) < 1e-6 * max(abs(s), 1e-9)
+    )  # fmt: skip
+    values = np.array([vector[i] for i in index])
+    return Fit(
+        tuple(leaves), tuple(names), values, np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+        vector, residual, white, full_z, bound,
+    )  # fmt: skip
+
+
+def _with_latencies(
+    c: Calibrated, A: Array, held: Sequence[int], vector: Array, residual: Array
+) -> Array:
+    """Sensitivities (M, K), those to latencies as they are at `vector`: what a force's latency does changes
+    with every jump that a sample comes near, and one replay tells all of them."""
+    late = [row for row, k in enumerate(held) if c.nuisances[k].name.endswith(LATENCY)]
+    if not late:
+        return A
+    some = [c.nuisances[held[row]] for row in late]
+    fresh = c.noise.whiten(c.problem, nuisance_sensitivities(c.problem, some, vector, residual))
+    out = np.array(A)
+    out[:, late] = fresh[c.train] * np.array([n.sd for n in some])
+    return out
+
+
+def _as_moved(A: Array, missed: Array, step: Array) -> Array:
+    """Sensitivities (M, K) to nuisances, corrected so that `step` (K,) makes what it did, `missed` (M,) over
+    what they said [M: Broyden]: they were found where calibration stood, which may be far off."""
+    size = float(step @ step)
+    return A + np.outer(missed, step / size) if size > FAR else A
+
+
+def _begin(
+    c: Calibrated, start: Mapping[str, float], held: Sequence[int], z: Array
+) -> tuple[Array, Array, Array]:
+    """Parameter vector, answer and held nuisances to start from: a start worse than none is drawn nearer.
+
+    Amplitudes come from a linear picture, which may promise too much of what these data hardly hold.
+    """
+    spread = spread_of(c, c.white)
+    unmoved = _total(c, c.white, c.z[held], spread)
+    best: tuple[float, Array, Array, Array] | None = None
+    for share in NEARER:
+        vector = np.array(c.vector)
+        moved = np.array(c.z[held])
+        for row, k in enumerate(held):
+            step = share * (float(np.clip(z[k], -LIMIT, LIMIT)) - float(c.z[k]))
+            moved[row] += step
+            vector[c.problem.table.index(c.nuisances[k].name)] += c.nuisances[k].sd * step
+        for n, value in start.items():
+            i = c.problem.table.index(n)
+            p = c.problem.table[n]
+            now = float(c.vector[i])
+            aim = shifted(c.problem, n, now, value)
+            is_linear = p.search == "linear" and p.parameter not in ABSOLUTE and np.isfinite(now)
+            vector[i] = now + share * (aim - now) if is_linear else aim
+        answer = c.problem.answers(vector)[0]
+        if np.all(np.isfinite(answer)):
+            white = c.noise.whiten(c.problem, c.problem.measured - answer)
+            cost = _total(c, white, moved, spread)
+            if best is None or cost < best[0]:
+                best = (cost, vector, answer, moved)
+            if cost <= unmoved:
+                break
+    if best is None:
+        return vector, answer, moved
+    return _scanned(c, start, best, spread)
+
+
+def _scanned(
+    c: Calibrated,
+    start: Mapping[str, float],
+    best: tuple[float, Array, Array, Array],
+    spread: float,
+) -> tuple[Array, Array, Array]:
+    """A start with a rugged cost: the best of some about it."""
+    rows = about(c.problem.table, start, best[1])
+    if not len(rows):
+        return best[1:]
+    for row, answer in zip(rows, c.problem.answers(rows), strict=True):
+        if np.all(np.isfinite(answer)):
+            white = c.noise.whiten(c.problem, c.problem.measured - answer)
+            cost = _total(c, white, best[3], spread)
+            if cost < best[0]:
+                best = (cost, row, answer, best[3])
+    return best[1:]
+
+
+NEARER: Final = (1.0, 0.3, 0.05)
+"""Shares of a start's way that are tried."""
+NARROWEST: Final = {"displacement": 1e-4}
+"""A narrower hysteresis is how any friction begins, and no effect of its own."""
+
+
+def _ends(p: Parameter) -> list[float]:
+    """Bounds in the search coordinate."""
+    lower = max(p.lower, NARROWEST.get(p.parameter, -np.inf))
+    return sorted((p.to_search(lower), p.to_search(p.upper)))
+
+
+def _units(held: Sequence[int], scale: Array) -> Array:
+    return np.concatenate([np.ones(len(held)), scale])
+
+
+def step_size(p: Parameter, x: float) -> float:
+    """A step that matters, in the search coordinate: the table's, or a tenth of where the search stands."""
+    own = float(abs(p.to_search(p.scale)))
+    if p.parameter in ("limit", "period", "displacement", "velocity"):
+        return max(abs(x), 1e-9)
+    return own
+
+
+def _total(c: Calibrated, white: Array, z: Array, spread: float) -> float:
+    held = 0.5 * c.problem.discount * z @ z
+    return float(spread**2 * np.sum(loss(white[c.train] / spread)) + held)
+
+
+def _at(
+    c: Calibrated,
+    vector: Array,
+    held: Sequence[int],
+    sd: Array,
+    dz: Array,
+    index: Sequence[int],
+    entries: Sequence[Parameter],
+    x: Array,
+) -> Array:
+    out = np.array(vector)
+    for k, step in zip(held, sd * dz, strict=True):
+        out[c.problem.table.index(c.nuisances[k].name)] += step
+    for i, p, s in zip(index, entries, x, strict=True):
+        out[i] = min(max(p.from_search(float(s)), p.lower), p.upper)
+    return out
+
+
+STEP: Final[Mapping[str, float]] = {
+    "limit": 0.02,
+    "period": 1e-3,
+    "displacement": 0.1,
+    "velocity": 0.1,
+}
+"""Relative steps of parameters of which only the value itself means something."""
+
+
+def sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[str]) -> Array:
+    """(N, P) whitened change per unit of each search coordinate."""
+    problem, table = c.problem, c.problem.table
+    if not names:
+        return np.zeros((problem.size, 0))
+    rows, spans = [], []
+    for name in names:
+        p, i = table[name], table.index(name)
+        x = p.to_search(float(vector[i]))
+        high = max(p.to_search(p.lower), p.to_search(p.upper))
+        step = STEP.get(p.parameter, 0.0) * abs(x) or 0.5 * p.search_step
+        if p.parameter == "gap":
+            step = max(0.1 * abs(x), 2e-6)
+        if p.parameter == "phase":
+            step = 0.1
+        if p.parameter == "delay":
+            step = 1e-4 if name.endswith(LATENCY) else 5e-4
+        if x + step > high:
+            step = -step
+        row = np.array(vector)
+        row[i] = min(max(p.from_search(x + step), p.lower), p.upper)
+        rows.append(row)
+        spans.append(p.to_search(float(row[i])) - x)
+    answers = problem.answers(np.array(rows))
+    change = np.where(np.isfinite(answers), answers - answer, 0.0).T
+    span = np.array([s if s != 0.0 else 1.0 for s in spans])
+    return np.asarray(c.noise.whiten(problem, change) / span)
+
+
+def _robust_step(
+    J: Array,
+    white: Array,
+    here: Array,
+    ridge: Array,
+    lower: Array,
+    upper: Array,
+    spread: float,
+) -> tuple[Array, Array]:
+    """Bounded robust minimum of the linear problem, and its information matrix there."""
+    n = len(here)
+    nuisances = ridge >= 1.0
+    centre = np.where(nuisances, 0.0, here)
+    new, information = np.array(here), np.eye(n)
+    for _ in range(3):
+        left = np.abs(white - J @ (new - here))
+        counts = weight(left / spread)
+        weighted = J * counts[:, None]
+        information = weighted.T @ J + np.diag(ridge**2)
+        gradient = weighted.T @ (white + J @ here) + ridge**2 * centre
+        try:
+            root = np.linalg.cholesky(information)
+        except np.linalg.LinAlgError:
+            return here, information + 1e-9 * np.eye(n)
+        aim = np.linalg.solve(root, gradient)
+        inside = np.clip(here, lower, upper)
+        if np.any(upper - lower < 1e-15):
+            return inside, information
+        new = np.asarray(lsq_linear(root.T, aim, (lower, upper), method="bvls").x)
+    return new, information

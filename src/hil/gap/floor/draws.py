@@ -1,0 +1,107 @@
+"""What noise looks like: recordings of the twin itself, with the sensors and the bus of the rig file.
+
+One draw replays the stretches with what the rig file leaves to chance: a setpoint frame waits for the bus,
+so it may reach the drive in another tick than its stamp says; an answer's delay varies; the sensor adds
+noise and rounds. A draw minus the smooth prediction is what a residual is where there is no gap at all.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.config import RigFile
+from hil.gap.record.problem import Problem, Series, run_all
+from hil.gap.record.ticks import Ticks, acting
+from hil.identify.replay import Stretch
+from hil.sim.twin import Twin
+
+Array = NDArray[np.float64]
+
+FRAME_BITS: Final = 125
+"""A frame of eight bytes with the mean number of stuff bits [M]."""
+STAMP_SHARE: Final = 0.02
+"""Of a tick of the position loop: no stamp is believed to tell better than that when its value held [R].
+Otherwise an encoder without noise would count a microsecond of timing as gap."""
+WAIT_FRAMES: Final = 1.0
+"""A frame waits for the one that is on the bus [R]."""
+BUSY: Final = 0.4
+"""Chance that one is [R]."""
+
+
+def longest_wait_s(rig: RigFile) -> float:
+    """Most that a setpoint waits for the bus: no more than the rig file's setpoint delay, which has it in."""
+    return min(WAIT_FRAMES * FRAME_BITS / rig.can.bitrate, rig.bus.setpoint_delay)
+
+
+def draws(
+    problem: Problem, vector: Array, rng: np.random.Generator, count: int
+) -> tuple[Array, Array]:
+    """Residuals of records that the twin itself made, against `problem`'s own prediction: what timing makes
+    of them, (count, N), and what the sensors add, (count, N).
+
+    Frames wait for the bus; drives whose ticks are not known have them anywhere.
+    """
+    rig = problem.rig
+    base = problem.predict(vector)[0]
+    longest_s = longest_wait_s(rig)
+    tasks = []
+    for _ in range(count):
+        for k, piece in enumerate(problem.sent):
+            told = {}
+            for a, (t, v) in piece.setpoints.items():
+                ticks = problem.clocks.get((k, a)) or _anywhere(rig, rng)
+                told[a] = (acting(rig, _waited(t, longest_s, rng), ticks), v)
+            series = [x for x in problem.series if x.stretch == k]
+            stamps = {x.signal: _late(piece, x, rig, rng) for x in series}
+            twin = Twin(rig, smooth=True, payload=piece.payload)
+            tasks.append((twin.record(told, stamps, mode=piece.mode), vector))
+    flat = run_all(tasks)
+    per = len(problem.sent)
+    out = np.array([np.concatenate(flat[d * per : (d + 1) * per]) for d in range(count)])
+    sensed = np.empty_like(out)
+    for x in problem.series:
+        sensed[:, x.part] = _sensed(out[:, x.part], rig, x, rng)
+    return np.asarray(out - base), np.asarray(sensed - out)
+
+
+def _anywhere(rig: RigFile, rng: np.random.Generator) -> Ticks | None:
+    if rig.bus.retimed or rig.bus.interpolation != "linear":
+        return None
+    return Ticks(float(rng.random()) * rig.bus.position_loop, 0.0, 0.0)
+
+
+def sensor_sigma(rig: RigFile, x: Series) -> float:
+    """Noise of one sample with its rounding, by the rig file, in the signal's unit; never 0."""
+    spread, step = sensor_noise(rig, x.quantity)
+    return float(np.hypot(spread, step / np.sqrt(12.0))) or 1e-12
+
+
+def sensor_noise(rig: RigFile, quantity: str) -> tuple[float, float]:
+    """Standard deviation and step of position, velocity, force, current, gyro or accel."""
+    noise = rig.noise
+    return float(getattr(noise, quantity)), float(getattr(noise, f"{quantity}_step"))
+
+
+def _waited(t: Array, wait_s: float, rng: np.random.Generator) -> Array:
+    """Send stamps with a wait drawn for each, less the mean wait, which the setpoint delay has in."""
+    late = wait_s * (rng.random(len(t)) * (rng.random(len(t)) < BUSY) - 0.5 * BUSY)
+    return np.maximum.accumulate(t + late)
+
+
+def _late(piece: Stretch, x: Series, rig: RigFile, rng: np.random.Generator) -> Array:
+    """Receive stamps moved to where the sample may really have been taken."""
+    t = piece.samples[x.signal][0]
+    late = longest_wait_s(rig) * (rng.random(len(t)) - 0.5)
+    if x.actuator != "imu":
+        spread_s = max(rig.bus.answer_jitter, STAMP_SHARE * rig.bus.position_loop)
+        late = spread_s * rng.standard_normal(len(t))
+    return np.maximum.accumulate(t - late)
+
+
+def _sensed(values: Array, rig: RigFile, x: Series, rng: np.random.Generator) -> Array:
+    spread, step = sensor_noise(rig, x.quantity)
+    noisy = values + spread * rng.standard_normal(values.shape)
+    return noisy if step == 0.0 else np.asarray(np.round(noisy / step) * step)

@@ -1,0 +1,88 @@
+"""Signals in steps coarser than the rig file says: seen in the values themselves, no twin needed.
+
+What is seen so is a fact, no candidate: the other candidates are judged beside it, by a floor that has the
+steps in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.floor.draws import sensor_noise
+from hil.gap.floor.noise import NoiseModel
+from hil.gap.record.problem import Problem
+
+Array = NDArray[np.float64]
+
+COARSER: Final = 1.8
+"""Times the rig file's own step, or the noise, from which on steps are an effect."""
+ON_GRID: Final = 0.99
+OFF: Final = 0.03
+"""Of a step, that a value may lie beside the grid."""
+RETURNS: Final = 6
+"""Changes between two levels from which on they are steps: a sensor that dies changes once."""
+
+
+def coarse_steps(problem: Problem) -> dict[str, float]:
+    """By signal, the step that its values keep to, where that is coarser than rig file and noise allow."""
+    out = {}
+    for signal in problem.signals:
+        values = np.concatenate(
+            [problem.measured[x.part] for x in problem.series if x.signal == signal]
+        )
+        quantity = signal.partition(".")[2].partition("_")[0]
+        spread, own = sensor_noise(problem.rig, quantity)
+        step = step_of(values)
+        if step is not None and step > COARSER * own and step > spread:
+            out[signal] = step
+    return out
+
+
+def step_of(values: Array) -> float | None:
+    """The step of a grid on which nearly all values lie, None where there is none."""
+    levels = np.unique(values)
+    if len(levels) == 2:
+        return _of_two(values, levels)
+    if len(levels) < 3 or len(levels) > 0.8 * len(values):
+        return None
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-9 * max(float(np.ptp(levels)), 1e-12)]
+    if not len(gaps):
+        return None
+    step = float(np.quantile(gaps, 0.02))
+    close = gaps[np.abs(gaps / step - np.round(gaps / step)) < 0.1]
+    if len(close) < 0.9 * len(gaps):
+        return None
+    step = float(np.sum(close) / np.sum(np.round(close / step)))
+    place = (values - levels[0]) / step
+    on_grid = np.abs(place - np.round(place)) < OFF
+    return step if float(on_grid.mean()) > ON_GRID else None
+
+
+def _of_two(values: Array, levels: Array) -> float | None:
+    """The step between two levels of a grid through zero, between which a signal goes to and fro."""
+    step = float(levels[1] - levels[0])
+    on_grid = abs(levels[0] / step - round(levels[0] / step)) < OFF
+    returns = int(np.count_nonzero(np.diff(values)))
+    return step if on_grid and returns >= RETURNS else None
+
+
+def coarser(
+    noise: NoiseModel, problem: Problem, steps: Mapping[str, float], rng: np.random.Generator
+) -> NoiseModel:
+    """`noise` with the rounding that `coarse_steps` found."""
+    drawn, sigma = np.array(noise.draws), np.array(noise.sigma)
+    terms, gains = list(noise.ar), list(noise.gain)
+    for k, x in enumerate(problem.series):
+        step = steps.get(x.signal)
+        if step is None:
+            continue
+        drawn[:, x.part] += step * (rng.random(drawn[:, x.part].shape) - 0.5)
+        sigma[x.part] = np.hypot(sigma[x.part], step / np.sqrt(12.0))
+        terms[k], gains[k] = np.empty(0), 1.0
+    return replace(noise, draws=drawn, sigma=sigma, ar=tuple(terms), gain=tuple(gains))

@@ -1,0 +1,1 @@
+"""What the fits amount to: which are findings, whether it is none of the catalogue, causes, the verdict."""

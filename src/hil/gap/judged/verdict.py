@@ -1,0 +1,208 @@
+"""What weighed fits amount to: causes with probabilities and intervals, held-out shrink, the verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.catalogue.bank import Bank
+from hil.gap.catalogue.nature import EVENTS
+from hil.gap.catalogue.nuisances import CRYSTALS, WOBBLE_M
+from hil.gap.fits.evidence import weigh
+from hil.gap.fits.fitted import Calibrated, Fit
+from hil.gap.fits.frames import EFFECT as LOST
+from hil.gap.fits.heldout import Score
+from hil.gap.fits.rounded import EFFECT as ROUNDED
+from hil.gap.fits.shares import largest_ratio
+from hil.gap.judged.causes import Shown, weighed_causes
+from hil.gap.judged.clear import asked, clear, signals
+from hil.gap.judged.constancy import Variation
+from hil.gap.judged.diagnosis import Cause, Diagnosis, Verdict
+from hil.gap.judged.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share, is_hidden
+from hil.gap.located.events import jumps
+from hil.gap.located.result import RATIO, Located, SignalGap
+from hil.gap.record.leaf import Leaf
+
+Array = NDArray[np.float64]
+
+SURE: Final = 0.8
+"""Probability from which on one candidate is the verdict."""
+LARGE: Final = 2.0
+"""Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
+VISIBLE: Final = 0.3
+"""Floors that a candidate of a usual size must show on some signal to be judged at all."""
+
+
+def no_gap(located: Located, held_out: str) -> Diagnosis:
+    """Nothing to explain."""
+    return Diagnosis(
+        located, "no_gap", located.sentence, (), (), 0.0, None, None, held_out, (), None, None, None
+    )
+
+
+def _nothing_like_it(located: Located, held_out: str) -> Diagnosis:
+    """A gap of which no candidate has the pattern."""
+    worst = max(located.signals, key=lambda s: s.ratio)
+    sentence = (
+        f"A gap that nothing in the catalogue explains: {worst.signal} stands {worst.ratio:.1f} times above "
+        "its floor, and no candidate has its pattern."
+    )
+    return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)
+
+
+def _small(located: Located, held_out: str) -> Diagnosis:
+    """Nothing to explain, or a rare event that nothing in the catalogue makes."""
+    signal, times = jumps(located)
+    if signal is None or times <= 1.0:
+        return no_gap(located, held_out)
+    sentence = (
+        f"A gap that nothing in the catalogue explains: for moments, or in one frequency, {signal} stands "
+        "further from the twin than noise or a late frame ever puts it."
+    )
+    return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)
+
+
+def answer(
+    located: Located,
+    c: Calibrated,
+    fits: Sequence[Fit],
+    bank: Bank,
+    held: NDArray[np.bool_],
+    held_out: str,
+    seed: int,
+    is_large: bool,
+) -> Diagnosis:
+    """The diagnosis of `fits`, the first of them the twin without effects; `held` (N,): unseen samples.
+
+    `is_large`: whether the gap stands by itself, whatever explains it (`stands`).
+    """
+    none = fits[0]
+    weighed, worth = weigh(c, fits)
+    zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
+    shown = Shown(located, none, held, np.random.default_rng(seed + 2))
+
+    def unseen(f: Fit) -> Score:
+        return shown.score(f, signals(c, none, f))
+
+    weighed = clear(c, none, [w for w in weighed if w.fit.leaves], zero, is_large, unseen)
+    if not weighed:
+        found = _nothing_like_it(located, held_out) if is_large else _small(located, held_out)
+        return replace(found, not_excited=not_excited(c, bank))
+    first, gain = weighed[0].fit, weighed[0].log_evidence - zero
+    share = explained_share(c, none, first, gain)
+    if _is_usual(first) and is_large and by_share(share, gain) > 0.5:
+        return replace(_nothing_like_it(located, held_out), not_excited=not_excited(c, bank))
+    if _is_usual(first):
+        sentence = "No gap but clocks within 20 ppm and screws within 3 µm, as any are."
+        found = replace(no_gap(located, held_out), sentence=sentence)
+        return replace(found, not_excited=not_excited(c, bank))
+    part = unseen(first)
+    whole = shown.score(first, c.problem.signals)
+    unknown, varies = doubt(c, none, first, Told(share, gain, part), bank, worth)
+    if unknown > 0.5 and by_share(share, gain) > 0.5 and not is_large:
+        return replace(_small(located, held_out), not_excited=not_excited(c, bank))
+    is_plain = all(leaf.effect in (LOST, ROUNDED) for leaf in first.leaves)
+    is_seen = varies is not None and part.before > RATIO
+    is_told = is_large or is_seen or is_plain or _is_once(c, first, gain)
+    if not (is_told or is_hidden(c, none, first)) and _is_faint(part):
+        return replace(_small(located, held_out), not_excited=not_excited(c, bank))
+    causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
+    chosen = tuple(
+        next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
+        for leaf in first.leaves
+    )
+    verdict, sentence = judge(chosen, causes, unknown, part.shrink, varies)
+    return Diagnosis(
+        located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
+        part, whole, held_out, not_excited(c, bank), first, none, c,
+    )  # fmt: skip
+
+
+def stands(located: Located, c: Calibrated, none: Fit) -> bool:
+    """Whether a signal is a gap by itself, before anything is known of what makes it."""
+    return largest_ratio(c, none) > LARGE or max(map(_surely, located.signals)) > RATIO
+
+
+def _is_usual(f: Fit) -> bool:
+    """Whether all that a fit says is that two clocks differ, or screws wobble, as any do."""
+    values: dict[str, float] = dict(zip(f.names, f.values.tolist(), strict=True))
+
+    def is_usual(leaf: Leaf) -> bool:
+        mine = {n.rpartition(".")[2]: v for n, v in values.items() if n in leaf.parameters}
+        if leaf.effect == "clock_drift":
+            return abs(mine["rate"]) < CRYSTALS
+        is_wave = leaf.effect == "lead_error" and "scale" not in mine
+        return is_wave and abs(mine.get("amplitude", math.inf)) < WOBBLE_M
+
+    return all(map(is_usual, f.leaves))
+
+
+def _is_once(c: Calibrated, f: Fit, gain: float) -> bool:
+    """Whether what a fit of `gain` nats says acts now and then, beyond doubt: unseen data may lack it."""
+    return gain > asked(c).certain and all(leaf.effect in EVENTS for leaf in f.leaves)
+
+
+def _is_faint(unseen: Score) -> bool:
+    """Whether unseen data hardly show a gap, and do not bear out what explains the seen one: less than a
+    verdict needs goes there, and that might be chance."""
+    if unseen.shrink is None or unseen.before > STANDS * unseen.floor:
+        return False
+    is_sure = unseen.shrink_ci is not None and unseen.shrink_ci[0] > 0.0
+    return unseen.shrink < HOLDS and not is_sure
+
+
+def _surely(s: SignalGap) -> float:
+    """Floors above which a signal stands for sure: one kick by a frame that came late is no gap."""
+    return s.before_ci[0] / s.noise_floor if s.noise_floor > 0.0 else 0.0
+
+
+def judge(
+    chosen: Sequence[Cause],
+    causes: Sequence[Cause],
+    unknown: float,
+    shrink: float | None,
+    varies: Variation | None = None,
+) -> tuple[Verdict, str]:
+    """Verdict and sentence for the best set `chosen` among all `causes`; `varies`: what speaks against it."""
+    names = " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in chosen)
+    if unknown > 0.5 and varies is not None:
+        return "unknown", (
+            f"A gap that nothing in the catalogue explains; the nearest is {names}, but what it takes is not "
+            f"the same everywhere: it goes with {varies.goes_with}."
+        )
+    if unknown > 0.5:
+        return "unknown", (
+            f"A gap that nothing in the catalogue explains; the nearest is {names}, which leaves too much."
+        )
+    far = (
+        "" if shrink is None else f" It takes {100.0 * shrink:.0f} % of the gap off held-out data."
+    )
+    if min(x.probability for x in chosen) / (1.0 - unknown) >= SURE:
+        return "identified", f"The gap comes from {names}.{far}"
+    others = [x for x in causes if x not in chosen and x.probability > 0.05]
+    rest = ", ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in others[:3])
+    return "ambiguous", (
+        f"The gap comes most likely from {names}; these data cannot rule out {rest}.{far}"
+    )
+
+
+def not_excited(c: Calibrated, bank: Bank) -> tuple[str, ...]:
+    """Candidates that at a usual size would change no signal visibly on these data."""
+    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    weight = 1.0 / c.noise.sigma**2 * c.problem.kept
+    size = np.zeros(bank.columns.shape[1])
+    for signal in c.problem.signals:
+        parts = [x.part for x in c.problem.series if x.signal == signal]
+        total = sum(weight[p] @ bank.columns[p].astype(float) ** 2 for p in parts)
+        share = np.sqrt(total / max(sum(float(weight[p].sum()) for p in parts), 1e-300))
+        size = np.maximum(size, share / max(floors[signal], 1e-300))
+    return tuple(
+        leaf.name
+        for leaf, starts in zip(bank.leaves, bank.places, strict=True)
+        if max((size[k] for start in starts for k in start), default=0.0) < VISIBLE
+    )

@@ -1,0 +1,167 @@
+"""The twin with its nuisances refitted: bounded, robust least squares on whitened residuals, with priors.
+
+What a calibration would remove is removed before anything is called a gap, and no more than a calibration
+would: nuisances stay within their bounds. Gauss-Newton on difference sensitivities; residuals beyond
+HUBER count linearly, so that a gap that is there does not drag the nuisances along; and so many samples
+count as one (`Problem.discount`) that nuisances do not follow the small ways in which any twin is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from hil.gap.catalogue.nuisances import LIMIT, Nuisance
+from hil.gap.floor.noise import NoiseModel
+from hil.gap.record.problem import LATENCY, Problem
+
+Array = NDArray[np.float64]
+
+HUBER: Final = 2.5
+ROUNDS: Final = 3
+WEIGHT_ROUNDS: Final = 4
+"""Reweightings of one linear step."""
+SETTLED: Final = 0.05
+"""Steps below this share of the priors' spread end the fit."""
+NEARBY: Final = 0.3
+"""Of a latency's prior, how far its sensitivity is stepped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """One nuisance after the refit: how far it went from the rig file's value."""
+
+    name: str
+    unit: str
+    change: float
+    sd: float
+    """Of the estimate, given the floor."""
+    prior_sd: float
+    at_bound: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Refit:
+    """The twin as near to the record as calibration brings it."""
+
+    vector: Array
+    """(P of the table,)."""
+    residual: Array
+    """(N,) measured minus twin, in the signals' units."""
+    jacobian: Array
+    """(N, K) sensitivities to the K nuisances, in the order of `fitted`."""
+    fitted: tuple[Fitted, ...]
+
+    @property
+    def prior_sd(self) -> Array:
+        """(K,)."""
+        return np.array([f.prior_sd for f in self.fitted])
+
+
+def refit(
+    problem: Problem,
+    noise: NoiseModel,
+    nuisances: Sequence[Nuisance],
+    start: Array | None = None,
+    jacobian: Array | None = None,
+) -> Refit:
+    """Fit `nuisances` from `start` (default: the rig file's own values), each within LIMIT of its prior.
+
+    Priors are centred on the rig file's values plus their own means, whatever `start` is. `jacobian`
+    (N, K): sensitivities known from a nearby point, computed anew only where steps by them stop to help.
+    """
+    names = [n.name for n in nuisances]
+    sd = np.array([n.sd for n in nuisances])
+    index = [problem.table.index(n.name) for n in nuisances]
+    centre = problem.base[index] + np.array([n.mean for n in nuisances])
+    entries = [problem.table.entries[i] for i in index]
+    lower = np.maximum((np.array([p.lower for p in entries]) - centre) / sd, -LIMIT)
+    upper = np.minimum((np.array([p.upper for p in entries]) - centre) / sd, LIMIT)
+    vector = np.array(problem.base if start is None else start)
+    residual = problem.residual(vector)
+    if not names:
+        return Refit(vector, residual, np.zeros((problem.size, 0)), ())
+    z = np.clip((vector[index] - centre) / sd, lower, upper)
+    given = jacobian
+    fresh = given is None
+    J = given if given is not None else nuisance_sensitivities(problem, nuisances, vector, residual)
+    information = np.eye(len(z))
+
+    def cost_of(residual: Array, z: Array) -> float:
+        return _cost(noise.whiten(problem, residual), z, problem.discount)
+
+    for _ in range(ROUNDS):
+        white = noise.whiten(problem, residual)
+        target, information = _step(
+            noise.whiten(problem, J) * sd, white, z, lower, upper, problem.discount
+        )
+        moved = 0.0
+        for share in (1.0, 0.5, 0.25):
+            new = z + share * (target - z)
+            trial = _moved(problem, nuisances, vector, sd * (new - z))
+            left = problem.residual(trial)
+            if cost_of(left, new) < cost_of(residual, z):
+                moved = float(np.max(np.abs(new - z)))
+                vector, residual, z = trial, left, new
+                break
+        if moved < SETTLED and (fresh or np.max(np.abs(target - z)) < SETTLED):
+            break
+        if moved < SETTLED:
+            J, fresh = nuisance_sensitivities(problem, nuisances, vector, residual), True
+    spread = np.sqrt(np.diag(np.linalg.inv(information)))
+    fitted = tuple(
+        Fitted(n.name, n.unit, float(n.mean + n.sd * z[k]), float(n.sd * spread[k]), n.sd,
+               bool(min(z[k] - lower[k], upper[k] - z[k]) < 1e-3))
+        for k, n in enumerate(nuisances)
+    )  # fmt: skip
+    return Refit(vector, residual, J, fitted)
+
+
+def nuisance_sensitivities(
+    problem: Problem, nuisances: Sequence[Nuisance], vector: Array, residual: Array
+) -> Array:
+    """(N, K) of the prediction to each nuisance, at `vector`, which leaves `residual`.
+
+    A latency is stepped by NEARBY of its prior: forces jump at each setpoint, and over a tick's delay a
+    sample next to a jump says nothing of what it does nearby.
+    """
+    most = [NEARBY * n.sd if n.name.endswith(LATENCY) else np.inf for n in nuisances]
+    names = [n.name for n in nuisances]
+    return problem.jacobian(names, vector, problem.measured - residual, most)
+
+
+def _moved(problem: Problem, nuisances: Sequence[Nuisance], vector: Array, steps: Array) -> Array:
+    """`vector` with each nuisance moved by its step."""
+    out = np.array(vector)
+    for n, step in zip(nuisances, steps, strict=True):
+        out[problem.table.index(n.name)] += step
+    return out
+
+
+def _step(
+    J: Array, white: Array, z: Array, lower: Array, upper: Array, discount: float
+) -> tuple[Array, Array]:
+    """Where the linear problem has its bounded robust minimum, and its information matrix there."""
+    new = np.array(z)
+    information = np.eye(len(z))
+    for _ in range(WEIGHT_ROUNDS):
+        left = np.abs(white - J @ (new - z))
+        weight = np.minimum(1.0, HUBER / np.maximum(left, 1e-12))
+        weighted = J * weight[:, None]
+        information = weighted.T @ J / discount + np.eye(len(z))
+        gradient = weighted.T @ (white + J @ z) / discount
+        root = np.linalg.cholesky(information)
+        aim = np.linalg.solve(root, gradient)
+        new = np.asarray(lsq_linear(root.T, aim, (lower, upper), method="bvls").x)
+    return new, information
+
+
+def _cost(white: Array, z: Array, discount: float) -> float:
+    size = np.abs(white)
+    huber = np.where(size <= HUBER, 0.5 * size**2, HUBER * (size - 0.5 * HUBER))
+    return float(np.sum(huber) / discount + 0.5 * z @ z)

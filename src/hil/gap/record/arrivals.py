@@ -1,0 +1,205 @@
+"""When setpoints really act: the ticks of each drive's own clock, read from the fine structure of a record.
+
+A drive takes a setpoint at the first tick of its position loop after the frame's arrival. Send times jitter,
+so the same frame may act up to a tick later than another, and a moving drive answers that with a kick of
+force many times the sensor's noise. Where the ticks lie, and how fast they wander against the bus, stands in
+no rig file. But at the right place of the ticks the twin's kicks fall on the drive's, and cancel: that
+place is looked for in windows along the record, as a straight line in time for each drive. Where no place
+does it (drives without ticks, stamps of another clock) setpoints act half a tick after their arrival, as
+they do on average, and the kicks count as noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.record.problem import Problem
+from hil.gap.record.ticks import Ticks
+
+Array = NDArray[np.float64]
+
+PLACES: Final = 8
+"""Places of the ticks that are replayed."""
+FINE: Final = 32
+WINDOW_S: Final = 2.0
+FASTEST: Final = 2e-4
+"""s/s that a drive's clock may run off the bus's [M: crystals 50 ppm each, resonators more]."""
+RATE_STEP: Final = 2e-6
+CLEARER: Final = 0.06
+"""Log of the fine structure that ticks must take off to be believed."""
+ENOUGH: Final = 12
+DELAYS_S: Final = (0.0, 0.001, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, 0.016)
+TURNS: Final = (
+    ("late_s", 0.15, 3), ("late_s", 0.025, 2), ("late_s", 0.01, 2), ("phase_s", 0.015, 2), ("rate", 1e-6, 2),
+    ("late_s", 0.01, 2), ("phase_s", 0.005, 2), ("late_s", 0.004, 2),
+)  # fmt: skip
+"""What is moved in turn once ticks are found, by steps of so many ticks (rate: s/s), so many either way: a
+frame that comes near a tick acts at this one or the next, and only a few hundredths of a tick tell which."""
+KICK: Final = 1.5
+"""Typical steps of the fine structure from which on one counts by its logarithm."""
+
+
+def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
+    """The ticks of every drive in every stretch where they can be told; empty where they cannot."""
+    bus = problem.rig.bus
+    if bus.retimed or bus.position_loop <= bus.speed_loop or bus.interpolation != "linear":
+        return {}
+    tick = bus.position_loop
+    pieces = problem.pieces
+    names = problem.rig.actuator_names
+    vector = _delayed(problem)
+    flats = [problem.predict(vector)[0]]
+    for p in range(PLACES):
+        ticks = Ticks(p * tick / PLACES, 0.0, 0.0)
+        clocks = {(k, a): ticks for k in range(len(pieces)) for a in names}
+        flats.append(problem.with_clocks(clocks).predict(vector)[0])
+    found = {}
+    for k in range(len(pieces)):
+        if pieces[k].mode != "position":
+            continue
+        for a in names:
+            best = _best(problem, k, a, flats, tick)
+            if best is not None:
+                found[k, a] = best
+    return _refined(problem, found, vector)
+
+
+def _delayed(problem: Problem) -> Array:
+    """The rig file's vector with the delay at which each drive's force is nearest to the record's: ticks are
+    looked for there, so that a late drive has its ticks found too."""
+    out = np.array(problem.base)
+    sizes = []
+    for delay in DELAYS_S:
+        row = np.array(problem.base)
+        for a in problem.rig.actuator_names:
+            row[problem.table.index(f"{a}.transport_delay.delay")] += delay
+        flat = problem.predict(row)[0]
+        sizes.append(
+            [
+                sum(_fineness(problem, k, a, flat) for k in range(len(problem.pieces)))
+                for a in problem.rig.actuator_names
+            ]
+        )
+    for j, a in enumerate(problem.rig.actuator_names):
+        mine = np.array([row[j] for row in sizes])
+        best = int(np.argmin(mine))
+        if mine[best] < mine[0] - CLEARER * len(problem.pieces):
+            out[problem.table.index(f"{a}.transport_delay.delay")] += DELAYS_S[best]
+    return out
+
+
+def _refined(
+    problem: Problem, found: dict[tuple[int, str], Ticks], vector: Array
+) -> dict[tuple[int, str], Ticks]:
+    """The same ticks, placed so that frames which come near one act where the record says they did."""
+    if not found:
+        return found
+
+    def steps_of(clocks: dict[tuple[int, str], Ticks]) -> dict[tuple[int, str], Array]:
+        flat = problem.with_clocks(clocks).predict(vector)[0]
+        return {
+            key: np.concatenate([s[0, kept] for _, s, kept in _fine(problem, *key, [flat])])
+            for key in clocks
+        }
+
+    usual = {key: KICK * float(np.median(s)) + 1e-12 for key, s in steps_of(found).items()}
+    least = dict.fromkeys(found, np.inf)
+    best = dict(found)
+    for name, step, most in TURNS:
+        start = dict(best)
+        for count in sorted(range(-most, most + 1), key=abs):
+            moved = {key: _moved(problem, key, start[key], name, count * step) for key in start}
+            for key, s in steps_of(moved).items():
+                size = float(np.sum(np.log1p((s / usual[key]) ** 2)))
+                if size < least[key]:
+                    least[key], best[key] = size, moved[key]
+    return best
+
+
+def _moved(problem: Problem, key: tuple[int, str], ticks: Ticks, name: str, by: float) -> Ticks:
+    """Ticks with one number moved; the rate about the middle of the stretch."""
+    if name != "rate":
+        return replace(ticks, **{name: getattr(ticks, name) + by * problem.rig.bus.position_loop})
+    start, end = problem.pieces[key[0]].span_s
+    turn = by * (0.5 * (start + end) - ticks.origin_s)
+    return replace(ticks, rate=ticks.rate + by, phase_s=ticks.phase_s - turn)
+
+
+def _fineness(problem: Problem, stretch: int, actuator: str, flat: Array) -> float:
+    """Log of the fine structure of an actuator's force in a stretch."""
+    total = 0.0
+    for _, steps, kept in _fine(problem, stretch, actuator, [flat]):
+        s = steps[0, kept]
+        total += float(np.mean(np.log(s + 0.1 * np.median(s) + 1e-12)))
+    return total
+
+
+def _fine(
+    problem: Problem, stretch: int, actuator: str, flats: Sequence[Array]
+) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
+    """Of each signal of force: instants (M,), its fine structure (F, M - 1) beside each prediction, and
+    which of that is judged (M - 1,)."""
+    for x in problem.series:
+        if x.stretch == stretch and x.actuator == actuator and x.quantity in ("force", "current"):
+            t, own = problem.t_s[x.part], [f[x.part] for f in flats]
+            steps = np.array([_steps(t, problem.measured[x.part] - f, f) for f in own])
+            kept = problem.kept[x.part][1:]
+            if kept.any():
+                yield t, steps, kept
+
+
+def _best(
+    problem: Problem, stretch: int, actuator: str, flats: Sequence[Array], tick: float
+) -> Ticks | None:
+    sizes, centres = [], []
+    for t, steps, kept in _fine(problem, stretch, actuator, flats):
+        for start in np.arange(t[0], t[-1], WINDOW_S):
+            inside = ((t >= start) & (t < start + WINDOW_S))[1:] & kept
+            if inside.sum() >= ENOUGH:
+                sizes.append(
+                    np.log(
+                        np.mean(np.minimum(steps[:, inside], _cap(steps[0])) ** 2, axis=1) + 1e-300
+                    )
+                )
+                centres.append(start + 0.5 * WINDOW_S)
+    if len(sizes) < 3:
+        return None
+    table = 0.5 * np.array(sizes)
+    t = np.array(centres)
+    origin = float(t[0])
+    # a smooth curve over the places of the ticks, periodic
+    grid = np.arange(FINE) / FINE
+    spectrum = np.fft.rfft(table[:, 1:], axis=1)
+    padded = np.zeros((len(t), FINE // 2 + 1), dtype=complex)
+    padded[:, : spectrum.shape[1]] = spectrum
+    padded[:, PLACES // 2] *= 0.5
+    curve = np.fft.irfft(padded, FINE, axis=1) * (FINE / PLACES)
+    best, where = np.inf, (0.0, 0.0)
+    rows = np.arange(len(t))
+    for rate in np.arange(-FASTEST, FASTEST + 1e-12, RATE_STEP):
+        shift = rate * (t - origin) / tick
+        for g in grid:
+            k = np.round((g + shift) * FINE).astype(np.int64) % FINE
+            total = float(np.mean(curve[rows, k]))
+            if total < best:
+                best, where = total, (float(g * tick), float(rate))
+    if best > float(np.mean(table[:, 0])) - CLEARER:
+        return None
+    return Ticks(where[0], where[1], origin)
+
+
+def _cap(steps: Array) -> float:
+    return float(6.0 * np.median(steps) + 1e-12)
+
+
+def _steps(t: Array, residual: Array, predicted: Array) -> Array:
+    """Sizes of the residual's first differences, whatever its constant delay: what a shift in time would
+    take away is taken away."""
+    slope = np.diff(np.gradient(predicted, t))
+    step = np.diff(residual)
+    return np.abs(step - slope * (slope @ step) / max(float(slope @ slope), 1e-300))

@@ -1,0 +1,1 @@
+"""Which candidates are worth a fit: the linear picture, replays of what no column shows, sets, rivals."""

@@ -1,0 +1,186 @@
+"""The candidates that are worth a fit alone: those of the linear picture, and what no column shows.
+
+The linear picture ranks; each of the best is fitted through the twin. `hil.gap.search.joint` has those
+together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from typing import Final
+
+from hil.gap.fits.fit import fit
+from hil.gap.fits.fitted import Calibrated, Fit
+from hil.gap.fits.frames import EFFECT as LOST
+from hil.gap.fits.frames import fit_lost_frames
+from hil.gap.fits.friction import DIRECTED, FRICTION, PEAKED, PLAIN, directed, is_itself, peaked
+from hil.gap.fits.shares import explained, most_left
+from hil.gap.fits.starts import changes_of, relative
+from hil.gap.record.leaf import Leaf
+from hil.gap.search.joint import LEFT, joint_fits
+from hil.gap.search.linear import Proposal, Search
+from hil.gap.search.replayed import least_left, struck, suspects
+from hil.gap.search.rivals import ended
+
+Report = Callable[[str], None]
+
+SINGLES: Final = 5
+"""Candidates that are fitted alone."""
+MOST: Final = 9
+ALIKE: Final = 0.97
+"""Of the best linear gain, above which up to MOST candidates are fitted: all that it cannot tell apart."""
+FIRST: Final = 3
+WORTH: Final = 0.25
+"""Of the best linear gain, below which none but the FIRST candidates are fitted: a gain may be illusory."""
+CHANCE: Final = 3.0
+"""Of the linear gain, no candidate is worth a fit below."""
+UNPROMISING: Final = 2
+"""Candidates that are fitted where none promises anything: a limit that acts once is missed by a little."""
+NEARLY: Final = 0.9
+"""Of what the best explains, that friction must to be looked at once more for either direction."""
+POORLY: Final = 0.75
+"""Share explained up to which springs, gaps and limits are replayed one by one: what no column shows is
+looked like by what does."""
+WELL: Final = 0.96
+"""Share explained from which on lost frames are not looked for."""
+
+
+def fit_candidates(
+    c: Calibrated,
+    none: Fit,
+    search: Search,
+    without: Collection[str],
+    say: Report,
+) -> list[Fit]:
+    """`none`, then all that was fitted."""
+    leaves = search.bank.leaves
+    fits = [none, *_single_fits(c, none, search, leaves, without, say)]
+    fits = [none, *ended(c, none, [f for f in fits[1:] if is_itself(c, f)], say)]
+    fits += joint_fits(c, fits, search, leaves, without, say)
+    fits = _alone_again(c, fits, say)
+    if len(min(fits, key=lambda f: f.total(c)).leaves) > 1:
+        fits = [none, *ended(c, none, fits[1:], say)]
+    fits += _peaked_fits(c, fits, leaves, say)
+    return fits if DIRECTED in without else fits + _directed_fits(c, fits, without, say)
+
+
+def _single_fits(
+    c: Calibrated,
+    none: Fit,
+    search: Search,
+    leaves: Sequence[Leaf],
+    without: Collection[str],
+    say: Report,
+) -> list[Fit]:
+    out = []
+    for k, p in enumerate(_worth_a_fit(search.alone(), leaves)):
+        leaf = leaves[p.leaves[0]]
+        say(f"fitting {leaf.name} ({k + 1})")
+        start = search.felt(changes_of([leaf], p.starts, c.problem))
+        found = fit(c, [leaf], start, p.z) if start else None
+        if found is not None:
+            out.append(found)
+    out += _peaked_fits(c, out, leaves, say)
+    well = max((explained(c, none, f) for f in out), default=0.0)
+    held = struck(c, min((none, *out), key=lambda f: f.total(c)))
+    if well < POORLY or held:
+        for f in _replayed(c, none, leaves, held, say):
+            same = [x for x in out if x.leaves == f.leaves]
+            if all(f.total(c) < x.total(c) for x in same):
+                out = [*(x for x in out if x not in same), f]
+    if LOST not in without and well < WELL:
+        say("looking for lost frames")
+        lost = fit_lost_frames(c, none)
+        if lost is not None:
+            out.append(lost)
+    return out
+
+
+def _alone_again(c: Calibrated, fits: Sequence[Fit], say: Report) -> list[Fit]:
+    """`fits`, each effect of the best set alone once more, begun where the set put it and the nuisances: what
+    a second effect has helped out of a trap needs no second effect."""
+    best = min(fits, key=lambda f: f.total(c) + f.extra_cost)
+    if len(best.leaves) < 2 or any(leaf.effect == LOST for leaf in best.leaves):
+        return list(fits)
+    values, out = relative(c, best), list(fits)
+    for leaf in best.leaves:
+        say(f"fitting {leaf.name} alone once more")
+        start = {n: values[n] for n in leaf.parameters if n in values}
+        found = fit(c, [leaf], start, best.z)
+        k = next((k for k, f in enumerate(out) if f.leaves == (leaf,)), None)
+        if k is not None and found is not None and found.total(c) < out[k].total(c):
+            out[k] = found
+    return out
+
+
+def _replayed(
+    c: Calibrated, none: Fit, leaves: Sequence[Leaf], held: Collection[str], say: Report
+) -> list[Fit]:
+    """Springs, gaps and limits that a scan finds where nothing explains the gap, or where actuators are
+    `held` off beside what does: no column shows them."""
+    out = []
+    for leaf in suspects(c, none, leaves, held):
+        say(f"looking for {leaf.name} by replays")
+        start = least_left(c, none, leaf)
+        found = fit(c, [leaf], start) if start else None
+        if found is not None:
+            out.append(found)
+    return out
+
+
+def promising(proposals: Sequence[Proposal]) -> list[Proposal]:
+    """Those of `proposals`, best first, whose gain is neither chance nor small beside the best one's."""
+    least = max(WORTH * proposals[0].gain, CHANCE) if proposals else CHANCE
+    return [p for k, p in enumerate(proposals) if p.gain >= (CHANCE if k < FIRST else least)]
+
+
+def _worth_a_fit(proposals: Sequence[Proposal], leaves: Sequence[Leaf]) -> list[Proposal]:
+    """The best proposals, more where ALIKE; where a law of friction is among them, the plain laws as well."""
+    good = promising(proposals) or list(proposals[:UNPROMISING])
+    alike = sum(p.gain > ALIKE * good[0].gain for p in good[:MOST])
+    out = good[: max(SINGLES, alike)]
+    rubs = {x.location for x in (leaves[p.leaves[0]] for p in out) if x.effect in FRICTION}
+    plain = [
+        p for p in proposals[len(out) :]
+        if leaves[p.leaves[0]].effect in PLAIN and leaves[p.leaves[0]].location in rubs
+        and p.gain >= CHANCE
+    ]  # fmt: skip
+    return out + plain
+
+
+def _directed_fits(
+    c: Calibrated, fits: Sequence[Fit], without: Collection[str], say: Report
+) -> list[Fit]:
+    """Viscous friction of either direction for other friction, where that is among the best and leaves
+    something; by itself where no other friction may be named."""
+    if set(without) >= FRICTION - {DIRECTED}:
+        return [f for a in c.problem.rig.actuators for f in directed(c, fits[0], a.name)]
+    ranked = sorted(fits[1:], key=lambda f: f.total(c))
+    if not ranked or most_left(c, ranked[0]) < LEFT:
+        return []
+    well = explained(c, fits[0], ranked[0])
+    for f in ranked:
+        rubs = sorted({x.location for x in f.leaves if x.effect in FRICTION})
+        if rubs and explained(c, fits[0], f) > NEARLY * well:
+            say(f"fitting {rubs[0]}.{DIRECTED} in place of other friction")
+            return directed(c, f, rubs[0])
+    return []
+
+
+def _peaked_fits(
+    c: Calibrated, fits: Sequence[Fit], leaves: Sequence[Leaf], say: Report
+) -> list[Fit]:
+    """Friction with a peak at rest for plain friction, where friction is best and leaves something."""
+    ranked = sorted(fits, key=lambda f: f.total(c))
+    if not ranked or most_left(c, ranked[0]) < LEFT:
+        return []
+    rubs = {x.location for x in ranked[0].leaves if x.effect in FRICTION}
+    out = []
+    for leaf in leaves:
+        plain = f"{leaf.location}.coulomb_friction"
+        base = next((f for f in ranked if any(x.name == plain for x in f.leaves)), None)
+        if leaf.effect == PEAKED and leaf.location in rubs and base is not None:
+            say(f"fitting {leaf.name} in place of {plain}")
+            found = peaked(c, base, leaf)
+            out += [found] if found is not None and is_itself(c, found) else []
+    return out

@@ -1,0 +1,242 @@
+"""Two and three candidates together, where the best alone leave something; lost frames beside others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from hil.gap.catalogue.nature import LIMITS
+from hil.gap.fits.evidence import ALIKE, distance
+from hil.gap.fits.fit import fit
+from hil.gap.fits.fitted import Calibrated, Fit, loss, replay_cost, spread_of
+from hil.gap.fits.frames import EFFECT as LOST
+from hil.gap.fits.frames import fit_lost_frames
+from hil.gap.fits.friction import is_itself, may_join
+from hil.gap.fits.heldout import touched
+from hil.gap.fits.shares import RARE, above_noise, explained, most_left
+from hil.gap.fits.starts import changes_of, relative
+from hil.gap.record.leaf import Leaf
+from hil.gap.search.linear import Proposal, Search
+
+Report = Callable[[str], None]
+
+PAIRS: Final = 3
+"""Further effects that are tried beside the best single or pair."""
+LEFT: Final = 1.1
+"""Floors on any signal from which on more than one effect is looked for."""
+PROMISE: Final = 0.15
+"""Of what the others leave above the floor, the least that a further effect takes in the linear picture."""
+NATS: Final = 40.0
+"""The least that it takes at all: of the loss of fits, where samples count as if they were independent."""
+NEARLY: Final = 0.7
+"""Of what an effect of the best set explains alone, what another must to be tried in its place; and of its
+trace, by how much less the two must differ."""
+SWAPS: Final = 3
+TOGETHER: Final = 12
+"""Best single candidates of which every two are looked at together in the linear picture."""
+ADDS: Final = 0.4
+OWN: Final = 0.7
+"""Of what the others leave, the least that a further effect must explain, of all or on the signals that it
+alone touches: less is how laws differ."""
+
+BROUGHT_BACK: Final = 6.0
+"""Nats of the nuisances' priors that a further effect saves which had been hidden in them: on healthy records
+no effect saves more than 5 beside a few nats of evidence."""
+
+
+def joint_fits(
+    c: Calibrated,
+    fits: Sequence[Fit],
+    search: Search,
+    leaves: Sequence[Leaf],
+    without: Collection[str],
+    say: Report,
+) -> list[Fit]:
+    """Pairs and triples; `fits`: the twin without effects, then single ones."""
+    out: list[Fit] = []
+    known = {leaf.name for leaf in leaves}
+    singles = sorted((f for f in fits[1:] if f.leaves[0].name in known), key=lambda f: _cost(c, f))
+    heads = _unlike(c, singles)
+    for _ in ("pairs", "triples"):
+        if not heads or _is_whole(c, heads[0]):
+            break
+        new: list[Fit] = []
+        for head, p in _proposed(c, heads, search, leaves):
+            leaf = leaves[p.leaves[0]]
+            some = (*head.leaves, leaf)
+            say("fitting " + " + ".join(x.name for x in some))
+            start = search.felt(changes_of([leaf], p.starts, c.problem))
+            if not start:
+                continue  # it changes nothing that these data would show
+            joint = fit(c, some, {**relative(c, head), **start}, p.z)
+            if joint is not None and is_itself(c, joint) and adds(c, [*fits[1:], *out], joint):
+                new.append(joint)
+        if most_left(c, heads[0]) > RARE:
+            new += [f for f in _limited(c, heads[0], leaves, say) if adds(c, [*fits[1:], *out], f)]
+        if not out:
+            new += _unseen_pairs(c, fits, new, search, leaves, say)
+        new += _swapped(c, fits, singles, new, say)
+        out += new
+        least = min(_cost(c, f) for f in heads)
+        heads = sorted((f for f in new if _cost(c, f) < least), key=lambda f: _cost(c, f))[:1]
+    if LOST not in without:
+        out += _with_lost(c, fits, out, known, say)
+    return out
+
+
+def _is_whole(c: Calibrated, head: Fit) -> bool:
+    """Whether a fit leaves nothing that a further effect could explain or bring nuisances back by."""
+    return most_left(c, head) < LEFT and head.prior_cost < BROUGHT_BACK
+
+
+def _limited(c: Calibrated, head: Fit, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
+    """`head` with the limit beside it whose starts, replayed there, leave least; none where all leave more.
+
+    How hard a limit is hit changes with whatever else acts: what it does alone says little of that.
+    """
+    spread = spread_of(c, head.white)
+    least, found = float(np.sum(loss(head.white[c.train] / spread))), None
+    for leaf in leaves:
+        if leaf.effect not in LIMITS or not may_join(leaf, head.leaves):
+            continue
+        (name,) = leaf.parameters
+        values = [s.columns[0][name] for s in leaf.starts]
+        rows = np.tile(head.vector, (len(values), 1))
+        rows[:, c.problem.table.index(name)] = values
+        costs = [replay_cost(c, a, spread) for a in c.problem.answers(rows)]
+        best = int(np.argmin(costs))
+        if costs[best] < least:
+            least, found = costs[best], (leaf, {name: values[best]})
+    if found is None:
+        return []
+    leaf, start = found
+    say("fitting " + " + ".join(x.name for x in (*head.leaves, leaf)))
+    joint = fit(c, [*head.leaves, leaf], {**relative(c, head), **start}, head.z)
+    return [joint] if joint is not None and is_itself(c, joint) else []
+
+
+def _unseen_pairs(
+    c: Calibrated,
+    fits: Sequence[Fit],
+    new: Sequence[Fit],
+    search: Search,
+    leaves: Sequence[Leaf],
+    say: Report,
+) -> list[Fit]:
+    """The best two together of which neither need look good alone: what best explains both may be a third."""
+    out = []
+    have = [{x.name for x in f.leaves} for f in new]
+    for p in search.pairs(search.alone()[:TOGETHER]):
+        a, b = (leaves[k] for k in p.leaves)
+        if {a.name, b.name} in have or not (may_join(a, [b]) and may_join(b, [a])):
+            continue
+        say(f"fitting {a.name} + {b.name}")
+        start = search.felt(changes_of([a, b], p.starts, c.problem))
+        joint = fit(c, [a, b], start, p.z) if start else None
+        if joint is not None and is_itself(c, joint) and adds(c, fits[1:], joint):
+            out.append(joint)
+        break
+    return out
+
+
+def _unlike(c: Calibrated, ranked: Sequence[Fit]) -> list[Fit]:
+    """The best fit and the best of those that do not answer as it does, of each its simplest like."""
+    best = ranked[:1]
+    others = [f for f in ranked[1:] if distance(c, best[0], f) > ALIKE][:1]
+    return [
+        min((f for f in ranked if distance(c, h, f) <= ALIKE), key=lambda f: len(f.names))
+        for h in (*best, *others)
+    ]
+
+
+def _cost(c: Calibrated, f: Fit) -> float:
+    return f.total(c) + f.extra_cost
+
+
+def _swapped(
+    c: Calibrated, fits: Sequence[Fit], singles: Sequence[Fit], new: Sequence[Fit], say: Report
+) -> list[Fit]:
+    """The best of `new` sets with one effect exchanged for another that alone explains nearly as much.
+
+    What a set was begun with is what looks best alone: a delay and a latency change places beside others.
+    """
+    best = min(new, key=lambda f: _cost(c, f), default=None)
+    if best is None:
+        return []
+    alone = {f.leaves[0].name: f for f in singles}
+    have = {leaf.name for f in new for leaf in f.leaves}
+    tries = [
+        (leaf, x) for x in singles for leaf in best.leaves
+        if x.leaves[0].name not in have and leaf.name in alone and _is_near(c, fits[0], alone[leaf.name], x)
+        and may_join(x.leaves[0], [y for y in best.leaves if y is not leaf])
+    ]  # fmt: skip
+    out = []
+    for leaf, x in tries[:SWAPS]:
+        some = (*(y for y in best.leaves if y is not leaf), *x.leaves)
+        say("fitting " + " + ".join(y.name for y in some))
+        kept = {n: v for n, v in relative(c, best).items() if n not in leaf.parameters}
+        joint = fit(c, some, kept | relative(c, x), best.z)
+        if joint is not None and is_itself(c, joint) and adds(c, [*fits[1:], *new], joint):
+            out.append(joint)
+    return out
+
+
+def _is_near(c: Calibrated, none: Fit, f: Fit, x: Fit) -> bool:
+    """Whether `x` explains nearly as much as `f` does, and nearly the same."""
+    gain, other = _cost(c, none) - _cost(c, f), _cost(c, none) - _cost(c, x)
+    return other > NEARLY * gain and distance(c, f, x) < NEARLY * distance(c, none, f)
+
+
+def _with_lost(
+    c: Calibrated, fits: Sequence[Fit], joint: Sequence[Fit], known: Collection[str], say: Report
+) -> list[Fit]:
+    """Lost frames beside the best of the other fits, where that leaves something."""
+    others = [f for f in (*fits[1:], *joint) if f.leaves[0].name in known]
+    heads = _unlike(c, sorted(others, key=lambda f: _cost(c, f)))
+    if not heads or above_noise(c, heads[0]) < NATS:
+        return []
+    best = heads[0]
+    say("looking for lost frames beside " + " + ".join(x.name for x in best.leaves))
+    found = fit_lost_frames(c, best)
+    return [found] if found is not None and adds(c, [*fits[1:], *joint], found) else []
+
+
+def adds(c: Calibrated, fits: Sequence[Fit], joint: Fit, least: float = ADDS) -> bool:
+    """Whether each effect of a set explains more than a share `least` of what the others leave, or most of it
+    on the signals that it alone touches, or brings nuisances back, as far as those are among `fits`."""
+    names = {leaf.name for leaf in joint.leaves}
+    parts = [f for f in fits if {leaf.name for leaf in f.leaves} < names]
+    return all(
+        explained(c, f, joint) > least
+        or _owns(c, f, joint)
+        or f.prior_cost - joint.prior_cost > BROUGHT_BACK
+        for f in parts
+    )
+
+
+def _owns(c: Calibrated, f: Fit, joint: Fit) -> bool:
+    """Whether what a set adds to `f` explains most of what stands on the signals that it alone touches."""
+    shared = touched(c, replace(f, residual=c.residual), f)
+    signals = [s for s in touched(c, f, joint) if s not in shared]
+    return bool(signals) and explained(c, f, joint, signals=signals) > OWN
+
+
+def _proposed(
+    c: Calibrated, heads: Sequence[Fit], search: Search, leaves: Sequence[Leaf]
+) -> list[tuple[Fit, Proposal]]:
+    """Each head with the leaves that could explain much of what it leaves: most for the best head."""
+    out: dict[frozenset[str], tuple[Fit, Proposal]] = {}
+    for head, count in zip(heads, (PAIRS, PAIRS - 1), strict=False):
+        least = max(PROMISE * above_noise(c, head), NATS)
+        rest = Search(replace(c, z=head.z), search.bank, head.white).alone()
+        able = [p for p in rest if p.gain > least and may_join(leaves[p.leaves[0]], head.leaves)]
+        limits = [
+            p for p in rest if leaves[p.leaves[0]].effect in LIMITS and NATS < p.gain <= least
+        ]
+        for p in (*able[:count], *limits[:1]):  # a limit a little off its value takes far less
+            names = frozenset({leaves[p.leaves[0]].name, *(x.name for x in head.leaves)})
+            out.setdefault(names, (head, p))
+    return list(out.values())

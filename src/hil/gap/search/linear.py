@@ -1,0 +1,259 @@
+"""Which candidates, alone or together, could explain a residual: a search in the linear picture.
+
+All columns are whitened, freed of what the nuisances explain, and reduced to their inner products, so that
+thousands of sets cost no more than their small matrices. It only proposes: what it ranks is fitted through
+the twin afterwards.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from hil.gap.catalogue.bank import Bank
+from hil.gap.catalogue.nature import LIMITS, NEAR, ONE_SIDED
+from hil.gap.catalogue.nuisances import LIMIT
+from hil.gap.fits.fitted import Calibrated, loss, weight
+
+Array = NDArray[np.float64]
+
+CUT: Final = 100.0
+"""Whitened residuals are cut there: a few wild samples must not choose."""
+RIDGE: Final = 1e-6
+FEW: Final = 2
+MANY: Final = 40
+"""Starts of a leaf that are judged robustly: the best by squares, or nearly all."""
+NEAR_RANGE: Final = (0.8, 1.25)
+"""Amplitudes of effects whose columns are what they do only near a start."""
+ROBUST: Final = 4
+"""Reweighted steps that make amplitudes robust."""
+FELT: Final = 1.0
+"""Squared whitened size that a usual step of a parameter must have to be fitted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A set of leaves with starts and amplitudes, and what it would take off half the sum of squares."""
+
+    leaves: tuple[int, ...]
+    starts: tuple[tuple[int, Array], ...]
+    gain: float
+    z: Array
+    """(K,) nuisances that go with it."""
+
+
+_Found = tuple[Proposal, Array, Array]
+"""A proposal, how far the nuisances (K,) go without it, and what each of its columns takes of that (K, P)."""
+
+
+class Search:
+    """The bank of a calibrated problem as inner products."""
+
+    def __init__(self, c: Calibrated, bank: Bank, white: Array | None = None) -> None:
+        self.bank = bank
+        rows = c.train
+        self._white = (c.white if white is None else white)[rows]
+        self._spread = max(1.0, 1.4826 * float(np.median(np.abs(self._white))))
+        self._A = c.jacobian[rows]
+        T = np.empty((int(rows.sum()), bank.columns.shape[1]), dtype=np.float32)
+        for first in range(0, T.shape[1], 32):
+            part = bank.columns[:, first : first + 32].astype(float)
+            T[:, first : first + 32] = c.noise.whiten(c.problem, part)[rows]
+        self._T = T
+        wild = c.noise.spikes(c.problem, c.residual)[rows]
+        r = np.clip(self._white, -CUT, CUT)
+        r[wild] = 0.0
+        A = np.where(wild[:, None], 0.0, self._A)
+        raw = (T.T @ T - T[wild].T @ T[wild]).astype(float)
+        self.raw: Array = np.diag(raw)
+        """(M,) squared whitened size of each column before the nuisances took their part."""
+        inner = (T.T @ r.astype(np.float32)).astype(float)
+        cross = (A.T.astype(np.float32) @ T).astype(float)
+        self._z = c.z
+        self._held = c.problem.discount
+        self._inner, self._cross, self._raw = inner, cross, raw
+        self._own = (A.T @ A, A.T @ r)
+        free = np.abs(c.z) < LIMIT - 1e-3
+        # Nuisances at their bounds would go on outwards, or come back once an effect is there: both are seen.
+        self._pictures: list[tuple[Array, Array, Array]] = []
+        for some in (free, np.ones_like(free)) if not free.all() else (free,):
+            part = A[:, some]
+            H = part.T @ part + self._held * np.eye(part.shape[1])
+            AT = cross[some]
+            S = np.linalg.solve(H, np.column_stack([AT, part.T @ r - self._held * c.z[some]]))
+            moves = np.zeros((len(free), S.shape[1]))
+            moves[some] = S
+            self._pictures.append((raw - AT.T @ S[:, :-1], inner - AT.T @ S[:, -1], moves))
+
+    def felt(self, start: Mapping[str, float]) -> dict[str, float]:
+        """`start` without parameters whose own columns change nothing that these data would show."""
+        dull: set[str] = set()
+        seen: set[str] = set()
+        for leaf, places in zip(self.bank.leaves, self.bank.places, strict=True):
+            for s, columns in zip(leaf.starts, places, strict=True):
+                for moved, k in zip(s.columns, columns, strict=True):
+                    (dull if self.raw[k] < FELT else seen).update(moved)
+        return {n: v for n, v in start.items() if n not in dull - seen}
+
+    def alone(self) -> list[Proposal]:
+        """Every leaf with its best start, best first."""
+        out = [self.set_of((k,)) for k in range(len(self.bank.leaves))]
+        return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
+
+    def pairs(self, alone: Sequence[Proposal]) -> list[Proposal]:
+        """Every two of the single proposals `alone`, each with its own start, best first."""
+        out = []
+        for a, b in itertools.combinations(alone, 2):
+            only = ((a.starts[0][0],), (b.starts[0][0],))
+            out.append(self.set_of((a.leaves[0], b.leaves[0]), only))
+        return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
+
+    def set_of(
+        self, leaves: tuple[int, ...], only: Sequence[Sequence[int]] | None = None
+    ) -> Proposal | None:
+        """The best starts (`only`: among these of each leaf) and amplitudes of a set of leaves.
+
+        Amplitudes are those of least squares, made robust for the best; what a start is worth is judged
+        robustly, for an impact that comes a little early is worse than none in squares and still the right
+        idea.
+        """
+        found: list[_Found] = []
+        options = only or [range(len(self.bank.places[k])) for k in leaves]
+        for starts in itertools.product(*options):
+            columns = [self.bank.places[k][s] for k, s in zip(leaves, starts, strict=True)]
+            index = [i for c in columns for i in c]
+            for gram, inner, moves in self._pictures:
+                G = gram[np.ix_(index, index)]
+                size = np.sqrt(np.maximum(np.diag(G), 1e-12))
+                scaled = G / np.outer(size, size) + RIDGE * np.eye(len(index))
+                best, gain = self._bounded(leaves, columns, scaled, inner[index] / size, size)
+                ends = np.cumsum([len(c) for c in columns])[:-1]
+                for a in (best, np.ones(1)) if self._is_finite(leaves) else (best,):
+                    parts = tuple(zip(starts, np.split(a, ends), strict=True))
+                    found.append(self._found(Proposal(leaves, parts, gain, self._z), moves, index))
+        found.sort(key=lambda x: -x[0].gain)
+        few = found[: MANY if self._is_finite(leaves) else FEW]
+        real = [(replace(p, gain=self._worth(p)), shift, drag) for p, shift, drag in few]
+        if not real:
+            return None
+        real.sort(key=lambda x: -x[0].gain)
+        real += [self._within(p) for p, *_ in real[:FEW] if np.any(np.abs(p.z) >= LIMIT)]
+        chosen = max(real, key=lambda x: x[0].gain)
+        return chosen[0] if self._is_finite(leaves) else self._robust(*chosen)
+
+    def _found(self, p: Proposal, moves: Array, index: Sequence[int]) -> _Found:
+        """`p` with the nuisances that go with it, cut at their bounds."""
+        shift, drag = moves[:, -1], moves[:, index]
+        a = np.concatenate([a for _, a in p.starts])
+        return replace(p, z=np.clip(self._z + shift - drag @ a, -LIMIT, LIMIT)), shift, drag
+
+    def _within(self, p: Proposal) -> _Found:
+        """`p` anew with nuisances that keep their bounds, which amplitudes then know of."""
+        index = self._index(p)
+        AA, Ar = self._own
+        n = len(AA)
+        H = np.block(
+            [[AA + self._held * np.eye(n), self._cross[:, index]],
+             [self._cross[:, index].T, self._raw[np.ix_(index, index)]]]
+        )  # fmt: skip
+        g = np.concatenate([Ar - self._held * self._z, self._inner[index]])
+        size = np.sqrt(np.maximum(np.diag(H), 1e-12))
+        lower, upper = self._bounds(p.leaves, [len(a) for _, a in p.starts])
+        low = np.concatenate([-LIMIT - self._z, lower]) * size
+        high = np.concatenate([LIMIT - self._z, upper]) * size
+        root = _root(H / np.outer(size, size) + RIDGE * np.eye(len(H)))
+        aim = np.linalg.solve(root, g / size)
+        x = lsq_linear(root.T, aim, (low, high), method="bvls").x / size
+        ends = np.cumsum([len(a) for _, a in p.starts])[:-1]
+        parts = zip([s for s, _ in p.starts], np.split(x[n:], ends), strict=True)
+        new = replace(p, starts=tuple(parts), z=self._z + x[:n])
+        return replace(new, gain=self._worth(new)), x[:n], np.zeros((n, len(index)))
+
+    def _index(self, p: Proposal) -> list[int]:
+        """Columns of a proposal."""
+        return [
+            i for k, (s, _) in zip(p.leaves, p.starts, strict=True) for i in self.bank.places[k][s]
+        ]
+
+    def _robust(self, p: Proposal, shift: Array, drag: Array) -> Proposal:
+        """`p` with the amplitudes that the robust loss wants, nuisances along with them, if that is better:
+        a few wild samples make those of squares far too small."""
+        index = self._index(p)
+        T = self._T[:, index].astype(float) - self._A @ drag
+        rest = self._white - self._A @ shift
+        lower, upper = self._bounds(p.leaves, [len(a) for _, a in p.starts])
+        a = np.concatenate([a for _, a in p.starts])
+        for _ in range(ROBUST):
+            left = (rest - T @ a) / self._spread
+            D = T * weight(left)[:, None]
+            ridge = RIDGE * np.diag(self.raw[index] + 1e-12)
+            a = np.clip(np.linalg.solve(D.T @ T + ridge, D.T @ rest), lower, upper)
+        z = np.clip(self._z + shift - drag @ a, -LIMIT, LIMIT)
+        ends = np.cumsum([len(x) for _, x in p.starts])[:-1]
+        starts = tuple((s, x) for (s, _), x in zip(p.starts, np.split(a, ends), strict=True))
+        new = Proposal(p.leaves, starts, 0.0, z)
+        new = replace(new, gain=self._worth(new))
+        return max(p, new, key=lambda x: x.gain)
+
+    def _is_finite(self, leaves: tuple[int, ...]) -> bool:
+        """Whether a leaf alone is one that squares misjudge: its starts themselves are worth a look."""
+        return len(leaves) == 1 and self.bank.leaves[leaves[0]].effect in NEAR | LIMITS
+
+    def _worth(self, p: Proposal) -> float:
+        """Robust gain (nats of the loss that fits use) of a proposal, nuisances along with it."""
+        change = self._A @ (p.z - self._z)
+        for k, (s, a) in zip(p.leaves, p.starts, strict=True):
+            change += self._T[:, list(self.bank.places[k][s])].astype(float) @ a
+        spread = self._spread
+        before, after = loss(self._white / spread), loss((self._white - change) / spread)
+        held = 0.5 * self._held * (self._z @ self._z - p.z @ p.z)
+        return float(spread**2 * np.sum(before - after) + held)
+
+    def _bounds(self, leaves: Sequence[int], counts: Sequence[int]) -> tuple[Array, Array]:
+        """What each effect allows of the amplitudes of its `counts` columns."""
+        lower, upper = np.full(sum(counts), -np.inf), np.full(sum(counts), np.inf)
+        k = 0
+        for leaf, count in zip(leaves, counts, strict=True):
+            effect = self.bank.leaves[leaf].effect
+            part = slice(k, k + count)
+            if effect in LIMITS:
+                lower[part], upper[part] = 0.999, 1.001
+            elif effect in NEAR:
+                lower[part], upper[part] = NEAR_RANGE
+            elif effect in ONE_SIDED:
+                lower[part] = 0.0
+            k += count
+        return lower, upper
+
+    def _bounded(
+        self,
+        leaves: Sequence[int],
+        columns: Sequence[Sequence[int]],
+        scaled: Array,
+        b: Array,
+        size: Array,
+    ) -> tuple[Array, float]:
+        """Amplitudes within what each effect allows, and the gain they have."""
+        lower, upper = self._bounds(leaves, [len(cols) for cols in columns])
+        a = np.linalg.solve(scaled, b) / size
+        if np.any(a < lower) or np.any(a > upper):
+            root = _root(scaled)
+            aim = np.linalg.solve(root, b)
+            a = lsq_linear(root.T, aim, (lower * size, upper * size), method="bvls").x / size
+        s = a * size
+        return a, float(b @ s - 0.5 * s @ scaled @ s)
+
+
+def _root(scaled: Array) -> Array:
+    """Lower factor of inner products; rounding may have made those of nearly equal columns indefinite."""
+    try:
+        return np.asarray(np.linalg.cholesky(scaled))
+    except np.linalg.LinAlgError:
+        size, turn = np.linalg.eigh(scaled)
+        return np.asarray(np.linalg.cholesky(turn * np.maximum(size, np.sqrt(RIDGE)) @ turn.T))

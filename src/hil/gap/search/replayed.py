@@ -1,0 +1,89 @@
+"""Springs, gaps and limits whose answer no linear picture shows: looked for one by one, each replayed.
+
+A load that swings on its transmission answers to what excited it seconds before; a spring that swings a
+little faster answers out of step, which is worse than none. Flanks meet at other instants in a gap that is a
+little wider, and beside gaps of other actuators at others again. A limit that is a hundredth too low is hit
+where the rig was free. Only a replay of each tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.catalogue.leaves import spring
+from hil.gap.catalogue.nature import FLANKS, LIMITS
+from hil.gap.fits.about import is_swinging
+from hil.gap.fits.fitted import Calibrated, Fit, replay_cost, spread_of
+from hil.gap.located.events import held_off
+from hil.gap.record.leaf import Leaf
+
+Array = NDArray[np.float64]
+
+SWINGS_HZ: Final = tuple(3.0 * 1.2**k for k in range(15))
+HARDER: Final = (0.0, 0.1, 0.3, 0.8)
+"""How much a spring may stiffen: the more it is wound up, the faster it swings."""
+CLOSER: Final = (0.96, 0.98, 1.0)
+"""Times the starts of a limit; a fit looks about the best of them (`hil.gap.fits.about`)."""
+STANDS: Final = 2.0
+"""Floors on a signal of an actuator, or of the IMU, from which on it is asked whether it swings."""
+KNOCKS: Final = 1.2
+"""The same of gaps and limits: flanks meet, and limits are hit, for moments."""
+MOST: Final = 2
+"""Actuators that are asked for each: those whose signals stand most above their floors."""
+
+
+def struck(c: Calibrated, f: Fit) -> frozenset[str]:
+    """Actuators of which a fit leaves a signal off to one side for longer than noise or late frames do."""
+    off = held_off(c.problem, f.residual, c.noise.sigma)
+    return frozenset(x.actuator for x in c.problem.series if off.get(x.signal, 0.0) > 1.0)
+
+
+def suspects(
+    c: Calibrated, none: Fit, leaves: Sequence[Leaf], held: Collection[str] = ()
+) -> list[Leaf]:
+    """The springs, gaps and limits among `leaves` where most is left without effects, worst first; before all
+    others those of actuators that are `held` off."""
+    left = c.noise.weighted_rms(c.problem, none.residual)
+    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    worst: dict[str, float] = {}
+    for x in c.problem.series:
+        if floors[x.signal] > 0.0:
+            ratio = left[x.signal] / floors[x.signal]
+            worst[x.actuator] = max(worst.get(x.actuator, 0.0), ratio)
+    ranked = sorted(leaves, key=lambda x: (x.location not in held, -worst.get(x.location, 0.0)))
+    shaken = worst.get("imu", 0.0)  # by whichever actuator's spring
+    springs = [
+        x
+        for x in ranked
+        if is_swinging(x.parameters) and max(worst.get(x.location, 0.0), shaken) > STANDS
+    ]
+    hit = [x for x in ranked if x.location in held or worst.get(x.location, 0.0) > KNOCKS]
+    gaps = [x for x in hit if x.effect in FLANKS]
+    limits = [x for x in hit if x.effect in LIMITS]
+    return springs[:MOST] + gaps[:MOST] + limits[:MOST]
+
+
+def least_left(c: Calibrated, none: Fit, leaf: Leaf) -> dict[str, float]:
+    """Values of the parameters of `leaf` that leave least; empty where all are worse than none."""
+    table, problem = c.problem.table, c.problem
+    index = [table.index(n) for n in leaf.parameters]
+    if leaf.effect in FLANKS:
+        some = [tuple(s.columns[0].values()) for s in leaf.starts]
+    elif leaf.effect in LIMITS:
+        starts = [value for s in leaf.starts for value in s.columns[0].values()]
+        some = [(value * near,) for value in starts for near in CLOSER]
+    else:
+        a = next(x for x in problem.rig.actuators if x.name == leaf.location)
+        some = [(*spring(a, f), h) for f in SWINGS_HZ for h in HARDER]
+    rows = np.tile(none.vector, (len(some), 1))
+    rows[:, index] = some
+    spread = spread_of(c, none.white)
+    costs = [replay_cost(c, answer, spread) for answer in problem.answers(rows)]
+    best = int(np.argmin(costs))
+    if costs[best] >= replay_cost(c, problem.measured - none.residual, spread):
+        return {}
+    return dict(zip(leaf.parameters, some[best], strict=True))
