@@ -28,7 +28,7 @@ from hil.drives.power import PowerState
 from hil.drives.profiles import Profiles
 from hil.errors import BusBusy, BusError
 from hil.frames import Frame
-from hil.sim.cia402 import SimulatedCia402
+from hil.sim.cia402.drive import SimulatedCia402
 from hil.sim.rig import SimulatedRig
 
 TARGET = struct.Struct("<Hi")

@@ -33,7 +33,7 @@ from hil.client import RigClient
 from hil.config import RigFile
 from hil.configfile import data_folder, rig_toml
 from hil.control.demo_ride import DemoRide
-from hil.daemon.gateway_options import GatewayOptions
+from hil.daemon.gateway.options import GatewayOptions
 from hil.daemon.realtime import PRIORITY, request_precedence
 from hil.daemon.run import run_rig
 from hil.drivefiles import load_profiles

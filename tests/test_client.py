@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from hil.client import Feed, RigClient
-from hil.daemon.gateway import GatewayOptions
+from hil.daemon.gateway.gateway import GatewayOptions
 from hil.daemon.records import EventRecord, ReplyRecord
 from hil.errors import ProtocolError, RigNotReached
 from tests.daemon.gateway_rig import gateway, until

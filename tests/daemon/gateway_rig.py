@@ -16,7 +16,7 @@ import zenoh
 from hil.client import zenoh_config
 from hil.config import RigFile
 from hil.configfile import find_rig_file, load_rig
-from hil.daemon.gateway import GatewayOptions, run_gateway
+from hil.daemon.gateway.gateway import GatewayOptions, run_gateway
 from hil.daemon.ipc import Channel, socket_pair
 from hil.daemon.records import (
     ActuatorState,

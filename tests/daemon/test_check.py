@@ -13,10 +13,10 @@ import pytest
 from hil.bus.hub import Hub
 from hil.bus.port import open_port
 from hil.daemon.check import Probe, check_contradictions
-from hil.daemon.check_bus import check_bus, check_interface
-from hil.daemon.check_drives import check_drives
-from hil.daemon.check_host import check_daemon, check_disk, check_endpoints
-from hil.daemon.check_pc import check_cycle, check_pc
+from hil.daemon.check.bus import check_bus, check_interface
+from hil.daemon.check.drives import check_drives
+from hil.daemon.check.host import check_daemon, check_disk, check_endpoints
+from hil.daemon.check.pc import check_cycle, check_pc
 from hil.daemon.lock import RigLock
 from hil.sim.rig import SimulatedRig
 from hil.sim.serve import SimulatedRigServer

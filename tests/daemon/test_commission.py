@@ -13,10 +13,10 @@ import pytest
 from hil.bus.hub import Hub
 from hil.bus.port import open_port
 from hil.config import RigFile
-from hil.daemon import commission_objects as objects
-from hil.daemon.commission import Desk
-from hil.daemon.commission_access import NoAnswer
-from hil.daemon.commission_scan import scan
+from hil.daemon.commission import objects
+from hil.daemon.commission.access import NoAnswer
+from hil.daemon.commission.desk import Desk
+from hil.daemon.commission.scan import scan
 from hil.daemon.lock import RigLock
 from hil.drivefiles import load_profiles
 from hil.drives.profiles import Profiles

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from hil import messages
-from hil.daemon.gateway import GatewayOptions
+from hil.daemon.gateway.gateway import GatewayOptions
 from hil.daemon.records import (
     DriveRecord,
     EventRecord,

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from hil.daemon.gateway_cues import BURST, FORGET_S, MOST_CLIENTS, RATE_HZ, CueInlet
-from hil.daemon.gateway_events import RepeatLimiter
+from hil.daemon.gateway.cues import BURST, FORGET_S, MOST_CLIENTS, RATE_HZ, CueInlet
+from hil.daemon.gateway.events import RepeatLimiter
 from hil.daemon.zenoh_session import Arrival
 from hil.errors import ProtocolError
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from hil.configfile import load_rig
-from hil.daemon.gateway_state import Decimator, state_message
+from hil.daemon.gateway.state import Decimator, state_message
 from hil.daemon.records import ActuatorState, StateRecord
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hil.client import RigClient
-from hil.daemon.gateway import GatewayOptions
+from hil.daemon.gateway.gateway import GatewayOptions
 from hil.errors import RigNotReached
 from tests.daemon.gateway_rig import RunningGateway, free_port, plain, rig_at, until
 
@@ -135,7 +135,7 @@ def test_without_tls_nobody_gets_in(running):
 
 
 def test_the_page_names_every_key_and_command_that_there_is():
-    from hil.daemon.gateway_commands import COMMANDS
+    from hil.daemon.gateway.commands import COMMANDS
 
     text = PAGE.read_text()
     for command in COMMANDS:

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from hil.bus.faults import Drop, NodeOff
 from hil.cli.app import app
 from hil.configfile import data_folder, rig_toml
-from hil.daemon.gateway_recording import Recording
+from hil.daemon.gateway.recording import Recording
 from hil.daemon.ipc import Sources
 from hil.daemon.recording import keep
 from hil.daemon.records import FrameRecord, InputRecord

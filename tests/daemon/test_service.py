@@ -10,7 +10,7 @@ import pytest
 from hil.configfile import data_folder, find_rig_file, load_rig
 from hil.daemon import service
 from hil.daemon.control_process import PARK_S
-from hil.daemon.gateway import LINGER_S
+from hil.daemon.gateway.gateway import LINGER_S
 from hil.daemon.realtime import PRIORITY
 from hil.daemon.run import GATEWAY_END_S
 from hil.errors import ConfigError, HilError

@@ -11,7 +11,7 @@ from hil.configfile import load_drive
 from hil.drives.driver import DrivePhase, PowerGoal
 from hil.drives.lust_cdd3000.bus import LustBus
 from hil.drives.profile import LustProfile
-from hil.sim.lust import SimulatedCdd3000
+from hil.sim.lust.drive import SimulatedCdd3000
 from tests.drives import line
 from tests.drives.line import Line, changed
 

@@ -21,7 +21,7 @@ from hil.exam.case import case_folders, read_answer
 from hil.exam.make import make_case
 from hil.exam.severity import Bench
 from hil.exam.sit import sit_case
-from hil.exam.world import Scatter, World
+from hil.exam.world import Scatter, build_world
 from hil.gap.catalogue.nuisances import default_nuisances
 from tests.exam.worlds import sway
 
@@ -113,7 +113,7 @@ def test_a_healthy_rig_stays_within_what_a_calibration_allows() -> None:
     rig = load_rig("motorcycle")
     allowed = {n.name: 3.0 * n.sd for n in default_nuisances(rig, [])}
     for seed in range(20):
-        world = World.of(rig, Scatter(seed))
+        world = build_world(rig, Scatter(seed))
         assert abs(world.true[1][0] - rig.mass.m) < allowed["platform.payload_mass.mass"]
         cog = world.true[1][1:4] - np.array(rig.mass.cog)
         assert np.all(np.abs(cog) < allowed["platform.payload_cog.x"])

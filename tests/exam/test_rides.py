@@ -22,7 +22,7 @@ from hil.exam.rides.outside import draw_outside
 from hil.exam.rides.record import record
 from hil.exam.rides.world import MOVES, STEP_S, Bicycle, Ridden
 from hil.exam.severity import effect_of
-from hil.exam.world.body import Outside
+from hil.exam.world import Outside
 from hil.sim.parameters import ParameterTable
 
 NOMINAL = load_bicycle("bicycle")

@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 from hil.config import Effect, RigFile
 from hil.configfile import load_rig
 from hil.control.trajectory import CueTrajectory
-from hil.exam.world import OUTSIDE, Scatter, World, play
+from hil.exam.world import OUTSIDE, Outside, Scatter, build_world, play
 from hil.exam.world import layout as lay
-from hil.exam.world.body import Outside
 from hil.sim import Twin
 from tests.exam.worlds import smooth_axis, sway
 
@@ -28,7 +27,7 @@ def _pendulum() -> RigFile:
 
 def test_a_pendulum_that_is_let_go_swings_as_its_equation_says() -> None:
     rig = _pendulum()
-    world = World.of(rig, NONE)
+    world = build_world(rig, NONE)
     world.act[lay.A_FORCE_SCALE] = 1e-12  # currents move nothing
     world.head[lay.H_SETTLE] = 0.0
     world.act[lay.A_DAMPING] *= 0.01
@@ -59,7 +58,7 @@ def test_steady_motion_takes_coulomb_and_viscous_friction() -> None:
     t = np.arange(0.0, 6.0, 0.005)
     ramp = np.clip(0.04 * (t - 1.0), 0.0, 0.18)[:, None] - 0.1
     played = play(
-        World.of(rig, NONE),
+        build_world(rig, NONE),
         CueTrajectory(rig.coordinates, t, ramp),
         seen=1,
         hidden=2,
@@ -77,7 +76,7 @@ def test_a_vertical_axis_at_rest_carries_its_load() -> None:
     rig = rig.model_copy(update={"geometry": load})
     t = np.arange(0.0, 2.0, 0.005)
     still = CueTrajectory(rig.coordinates, t, np.zeros((len(t), 1)))
-    played = play(World.of(rig, NONE), still, seen=1, hidden=2, with_imu=True)
+    played = play(build_world(rig, NONE), still, seen=1, hidden=2, with_imu=True)
     weight = rig.mass.m * rig.mass.gravity
     assert played.clean["axis.force"].mean() == pytest.approx(weight, abs=rig.actuators[0].coulomb)
     assert played.clean["imu.accel_z"].mean() == pytest.approx(9.81, abs=1e-3)
@@ -86,7 +85,7 @@ def test_a_vertical_axis_at_rest_carries_its_load() -> None:
 @pytest.mark.parametrize("name", ["axis", "motorcycle", "stewart"])
 def test_a_healthy_rig_is_near_its_twin_yet_not_it(name: str) -> None:
     rig = load_rig(name)
-    played = play(World.of(rig, NONE), sway(rig), seen=1, hidden=2, with_imu=False)
+    played = play(build_world(rig, NONE), sway(rig), seen=1, hidden=2, with_imu=False)
     twin = Twin(rig, smooth=True)
     told = {a: played.setpoints[f"{a}.setpoint"] for a in rig.actuator_names}
     said = twin.replay(told, played.stamps)
@@ -104,7 +103,7 @@ def test_a_healthy_rig_is_near_its_twin_yet_not_it(name: str) -> None:
 
 def test_a_record_tells_send_times_and_repeats_with_its_seeds() -> None:
     rig = load_rig("axis")
-    world = World.of(rig, Scatter(3))
+    world = build_world(rig, Scatter(3))
     first = play(world, sway(rig, 3.0), seen=1, hidden=2, with_imu=True)
     again = play(world, sway(rig, 3.0), seen=1, hidden=2, with_imu=True)
     other = play(world, sway(rig, 3.0), seen=1, hidden=3, with_imu=True)
@@ -157,7 +156,7 @@ def upright() -> Bench:
 
 def _bench(rig: RigFile) -> Bench:
     motion = sway(rig, 5.0, share=0.6, hz=0.45)
-    healthy = play(World.of(rig, Scatter(5)), motion, seen=1, hidden=2, with_imu=False)
+    healthy = play(build_world(rig, Scatter(5)), motion, seen=1, hidden=2, with_imu=False)
     return rig, motion, healthy.clean
 
 
@@ -165,7 +164,7 @@ def _bench(rig: RigFile) -> Bench:
 def test_every_effect_shows_in_what_the_drive_answers(effect: str, bench: Bench) -> None:
     rig, motion, healthy = bench
     line = Effect(effect=effect, location="axis", parameters=EFFECTS[effect])
-    played = play(World.of(rig, Scatter(5), (line,)), motion, seen=1, hidden=2, with_imu=False)
+    played = play(build_world(rig, Scatter(5), (line,)), motion, seen=1, hidden=2, with_imu=False)
     traces = [
         np.sqrt(np.mean((played.clean[s] - healthy[s]) ** 2)) / noise
         for s, noise in (("axis.position", rig.noise.position), ("axis.force", rig.noise.force))
@@ -190,7 +189,7 @@ def test_sensors_platform_and_bus_show_where_they_are(
 ) -> None:
     rig, motion, healthy = bench
     line = Effect(effect=effect, location=location, parameters=parameters)
-    played = play(World.of(rig, Scatter(5), (line,)), motion, seen=1, hidden=2, with_imu=False)
+    played = play(build_world(rig, Scatter(5), (line,)), motion, seen=1, hidden=2, with_imu=False)
     noise = rig.noise.position if signal == "axis.position" else rig.noise.force
     assert np.sqrt(np.mean((played.clean[signal] - healthy[signal]) ** 2)) > 2.0 * noise
 
@@ -198,8 +197,8 @@ def test_sensors_platform_and_bus_show_where_they_are(
 def test_a_fast_clock_stamps_late() -> None:
     rig = load_rig("axis")
     line = Effect(effect="clock_drift", location="drives", parameters={"rate": 1e-3})
-    plain = play(World.of(rig, NONE), sway(rig, 4.0), seen=1, hidden=2, with_imu=False)
-    fast = play(World.of(rig, NONE, (line,)), sway(rig, 4.0), seen=1, hidden=2, with_imu=False)
+    plain = play(build_world(rig, NONE), sway(rig, 4.0), seen=1, hidden=2, with_imu=False)
+    fast = play(build_world(rig, NONE, (line,)), sway(rig, 4.0), seen=1, hidden=2, with_imu=False)
     late = fast.stamps["axis.force"] - plain.stamps["axis.force"]
     assert late[-1] == pytest.approx(1e-3 * plain.stamps["axis.force"][-1], rel=1e-6)
 
@@ -207,7 +206,7 @@ def test_a_fast_clock_stamps_late() -> None:
 def test_effects_of_platforms_show_on_platforms() -> None:
     rig = load_rig("motorcycle")
     motion = sway(rig, 3.0, share=0.5)
-    healthy = play(World.of(rig, Scatter(5)), motion, seen=1, hidden=2, with_imu=True)
+    healthy = play(build_world(rig, Scatter(5)), motion, seen=1, hidden=2, with_imu=True)
     for effect, location, signal, parameters in (
         ("geometry_error", "leg1.platform", "leg1.force", {"x": 0.04}),
         ("base_tilt", "platform", "imu.accel_x", {"pitch": 0.05}),
@@ -217,7 +216,9 @@ def test_effects_of_platforms_show_on_platforms() -> None:
         ("sensor_misalignment", "imu", "imu.accel_x", {"y": 0.05}),
     ):
         line = Effect(effect=effect, location=location, parameters=parameters)
-        played = play(World.of(rig, Scatter(5), (line,)), motion, seen=1, hidden=2, with_imu=True)
+        played = play(
+            build_world(rig, Scatter(5), (line,)), motion, seen=1, hidden=2, with_imu=True
+        )
         noise = rig.noise.accel if signal.startswith("imu") else rig.noise.force
         away = np.sqrt(np.mean((played.clean[signal] - healthy.clean[signal]) ** 2))
         assert away > 1.0 * noise, effect
@@ -244,7 +245,9 @@ ODD = {
 def test_every_outside_effect_shows(kind: str, upright: Bench) -> None:
     rig, motion, healthy = upright
     odd = Outside(kind, "axis", ODD[kind])
-    played = play(World.of(rig, Scatter(5), (), (odd,)), motion, seen=1, hidden=2, with_imu=False)
+    played = play(
+        build_world(rig, Scatter(5), (), (odd,)), motion, seen=1, hidden=2, with_imu=False
+    )
     away = played.clean["axis.force"] - healthy["axis.force"]
     assert np.sqrt(np.mean(away**2)) > 2.0 * rig.noise.force
 
@@ -252,11 +255,11 @@ def test_every_outside_effect_shows(kind: str, upright: Bench) -> None:
 def test_a_soft_base_swings_under_a_horizontal_axis() -> None:
     rig = load_rig("axis")
     motion = sway(rig, 5.0, share=0.5, hz=0.8)
-    healthy = play(World.of(rig, NONE), motion, seen=1, hidden=2, with_imu=False)
+    healthy = play(build_world(rig, NONE), motion, seen=1, hidden=2, with_imu=False)
     odd = Outside(
         "soft_base", "platform", {"ratio": 0.4, "rate": 2.0 * np.pi * 5.0, "damping": 0.03}
     )
-    played = play(World.of(rig, NONE, (), (odd,)), motion, seen=1, hidden=2, with_imu=False)
+    played = play(build_world(rig, NONE, (), (odd,)), motion, seen=1, hidden=2, with_imu=False)
     away = played.clean["axis.force"] - healthy.clean["axis.force"]
     assert np.sqrt(np.mean(away**2)) > rig.noise.force
     assert set(ODD) | {"soft_base"} == set(OUTSIDE)

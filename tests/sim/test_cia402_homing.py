@@ -10,7 +10,7 @@ from hil.configfile import load_rig
 from hil.drivefiles import load_profile
 from hil.drives.cia402.profile import Cia402Profile
 from hil.drives.power import PowerState
-from hil.sim.cia402 import SimulatedCia402
+from hil.sim.cia402.drive import SimulatedCia402
 from hil.sim.plant import Plant
 
 RIG: RigFile = load_rig("axis_canopen")

@@ -22,7 +22,7 @@ from hil.drives.lust_cdd3000.codec import (
 )
 from hil.drives.power import PowerCommand, PowerState
 from hil.frames import Frame
-from hil.sim.lust import BOOT_S, SimulatedCdd3000
+from hil.sim.lust.drive import BOOT_S, SimulatedCdd3000
 from hil.sim.plant import Plant
 from hil.sim.senses import FRAME_BITS
 from tests.drives.exchange import Exchange, profile_of, rig_of

@@ -8,7 +8,7 @@ import pytest
 
 from hil.drives.lust_cdd3000.codec import AnswerStatus, from_wire, to_wire
 from hil.drives.profile import LustProfile
-from hil.sim.lust_parameters import ParameterServer
+from hil.sim.lust.parameters import ParameterServer
 from hil.sim.plant import Plant
 from tests.drives.exchange import profile_of, rig_of
 

@@ -14,7 +14,7 @@ import zenoh
 from hil import messages
 from hil.bicycle.acquisition import Acquisition, Told
 from hil.config import BicycleFile
-from hil.daemon.gateway_commands import Command, parse_command
+from hil.daemon.gateway.commands import Command, parse_command
 from hil.daemon.zenoh_session import Arrival, RigSession
 from hil.errors import ProtocolError
 from hil.messages import CommandReply, EventMessage

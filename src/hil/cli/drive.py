@@ -13,10 +13,10 @@ from rich.table import Table
 from hil.cli.console import JsonFlag, RigArgument, err, out, write_json
 from hil.cli.options import CanOption, profiles_of, rig_with
 from hil.client import ENDPOINT, RigClient
-from hil.daemon import commission_objects as objects
-from hil.daemon.commission import Desk
-from hil.daemon.commission_access import Access, ThroughDaemon
-from hil.daemon.commission_scan import scan as scan_buses
+from hil.daemon.commission import objects
+from hil.daemon.commission.access import Access, ThroughDaemon
+from hil.daemon.commission.desk import Desk
+from hil.daemon.commission.scan import scan as scan_buses
 from hil.errors import CommandRefused, RigInUse, RigNotReached
 
 app = typer.Typer(

@@ -15,9 +15,9 @@ from rich.table import Table
 from hil.cli.console import err, out
 from hil.errors import RunError
 from hil.exam import Marked, Order, Sitting, make_exam, mark_exam, sit_exam
-from hil.exam.make import KINDS
 from hil.exam.mark import Group
 from hil.exam.marks import Mark
+from hil.exam.order import KINDS
 from hil.exam.rigs import RIGS
 from hil.exam.sit import LIMIT_S
 

@@ -23,7 +23,7 @@ from hil.cli.options import (
     rig_with,
 )
 from hil.config import RigFile
-from hil.daemon.gateway_options import GatewayOptions
+from hil.daemon.gateway.options import GatewayOptions
 from hil.daemon.realtime import PRIORITY, request_fifo
 from hil.daemon.run import run_rig
 from hil.errors import ConfigError

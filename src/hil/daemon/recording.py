@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from hil.config import RigFile
-from hil.daemon.gateway_state import state_message
+from hil.daemon.gateway.state import state_message
 from hil.daemon.ipc import Sources
 from hil.daemon.records import (
     CommandRecord,

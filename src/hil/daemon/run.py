@@ -11,8 +11,8 @@ from hil.bus.port import open_port
 from hil.bus.schedule import require_schedule_fits
 from hil.config import RigFile
 from hil.daemon.control_process import ControlProcess
-from hil.daemon.gateway_options import GatewayOptions
-from hil.daemon.gateway_process import start_gateway
+from hil.daemon.gateway.options import GatewayOptions
+from hil.daemon.gateway.process import start_gateway
 from hil.daemon.ipc import socket_pair
 from hil.daemon.lock import RigLock
 from hil.daemon.sdnotify import Notifier

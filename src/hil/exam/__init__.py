@@ -4,8 +4,9 @@
 """
 
 from hil.exam.case import Case, load_case, seal
-from hil.exam.make import Order, make_exam
+from hil.exam.make import make_exam
 from hil.exam.mark import Marked, mark_exam
+from hil.exam.order import Order
 from hil.exam.sit import Sitting, sit_exam
 
 __all__ = [

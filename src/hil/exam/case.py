@@ -19,7 +19,7 @@ from typing import Any, Final
 from hil.config import AnyRig, BicycleFile, Effect
 from hil.configfile import parse_any_rig, read_toml, rig_toml
 from hil.errors import RunError
-from hil.exam.world.body import Outside
+from hil.exam.world import Outside
 from hil.runs import Run, load_run
 from hil.runs.folder import RUN_TOML, Payload, RunMeta, read_meta, write_meta
 

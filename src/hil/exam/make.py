@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -17,15 +16,14 @@ from hil.exam.case import ANSWER, RIG, answer_of, write_case
 from hil.exam.excite import FAMILIES, draw_motion
 from hil.exam.menu import Recipe, draw_recipe, effects_of, possible
 from hil.exam.odd import draw_outside, outside_of
+from hil.exam.order import Order
 from hil.exam.rides import RIDE_EFFECTS, RIDE_OUTSIDE, make_ride
-from hil.exam.rigs import ALL, RIDDEN, RIGS, draw_rig
+from hil.exam.rigs import RIDDEN, draw_rig
 from hil.exam.severity import Bench, Solved, effect_of, solve_size
-from hil.exam.world import OUTSIDE, Scatter, World, play
-from hil.exam.world.body import Outside
+from hil.exam.world import OUTSIDE, Outside, Scatter, build_world, play
 from hil.exam.world.play import WorldError
 from hil.runs.folder import Payload
 
-KINDS: Final = ("none", "single", "double", "triple", "outside")
 SHARES: Final = {"none": 1.0 / 3.0, "single": 0.41, "double": 0.1, "triple": 0.02, "outside": 0.14}
 ONE_LAW: Final = ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "hysteresis")
 COUNTS: Final = {"none": 0, "double": 2, "triple": 3}
@@ -33,36 +31,6 @@ ATTEMPTS: Final = 40
 WISHED: Final = 8
 """Rigs and motions tried for the effects that a case should have, before any others will do."""
 TRIES_A_WISH: Final = 3
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """What cases to make: everything that a case depends on, beside its number."""
-
-    rigs: tuple[str, ...] = RIGS
-    seed: int = 1000
-    severities: tuple[float, ...] = (1.0, 3.0, 10.0)
-    kinds: tuple[str, ...] = KINDS
-    effects: tuple[str, ...] = ()
-    """Only these effects (or outside effects); empty: all."""
-
-    def __post_init__(self) -> None:
-        for what, given, known in (("rig", self.rigs, ALL), ("kind", self.kinds, KINDS)):
-            for name in given:
-                if name not in known:
-                    raise ConfigError(
-                        f"{name!r} is no {what} of exam cases; choose of {', '.join(known)}"
-                    )
-        if not self.rigs or not self.kinds or not all(s > 0.0 for s in self.severities):
-            raise ConfigError("exam cases need a rig, a kind and severities above 0")
-
-    def severity_of(self, reached: float) -> float:
-        """The largest severity that an effect reaches: one that cannot be small stands higher."""
-        return max((s for s in self.severities if s < 1.2 * reached), default=min(self.severities))
-
-    def case_id(self, number: int) -> str:
-        """Name of case `number`; it says nothing of what the case holds."""
-        return f"{self.rigs[number % len(self.rigs)]}-{self.seed:04d}-{number:04d}"
 
 
 def make_exam(
@@ -174,7 +142,9 @@ def _make(
     for k, role, payload in plays:
         healthy = role == "reference"
         mass = None if payload is None else (payload.mass, payload.x, payload.y, payload.z)
-        world = World.of(rig, scatter, () if healthy else effects, () if healthy else outside, mass)
+        world = build_world(
+            rig, scatter, () if healthy else effects, () if healthy else outside, mass
+        )
         played = play(
             world, motions[k], seen=seeds[k][0], hidden=seeds[k][1], with_imu="imu" in signals
         )

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from hil.config import Effect, RigFile
 from hil.control.trajectory import CueTrajectory
 from hil.exam.menu import Recipe
-from hil.exam.world.body import Outside, Scatter, World
+from hil.exam.world import Outside, Scatter, build_world
 from hil.exam.world.play import Played, WorldError, play
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ class Bench:
         trajectory = CueTrajectory(
             trajectory.coordinates, trajectory.t_s[seen], trajectory.poses[seen]
         )
-        world = World.of(rig, scatter)
+        world = build_world(rig, scatter)
         first = play(world, trajectory, seen=seeds[0], hidden=seeds[1], with_imu=with_imu)
         second = play(world, trajectory, seen=seeds[0], hidden=seeds[1] + 1, with_imu=with_imu)
         floor = {}
@@ -72,7 +72,7 @@ class Bench:
         self, effects: tuple[Effect, ...], outside: tuple[Outside, ...] = ()
     ) -> dict[str, float]:
         """By signal, the trace over the floor; WorldError where the rig would not have run on."""
-        world = World.of(self.rig, self.scatter, effects, outside)
+        world = build_world(self.rig, self.scatter, effects, outside)
         got = play(
             world, self.trajectory, seen=self.seeds[0], hidden=self.seeds[1], with_imu=self.with_imu
         )

@@ -14,9 +14,9 @@ from hil.config import Effect, RigFile
 from hil.drives.profile import LustProfile
 from hil.drives.profiles import Profiles
 from hil.frames import Frame
-from hil.sim.cia402 import SimulatedCia402
+from hil.sim.cia402.drive import SimulatedCia402
 from hil.sim.imu_node import SimulatedImu
-from hil.sim.lust import SimulatedCdd3000
+from hil.sim.lust.drive import SimulatedCdd3000
 from hil.sim.plant import Plant
 
 

@@ -11,7 +11,7 @@ from hil.drivefiles import load_profile
 from hil.drives.cia402.bus import CanopenBus
 from hil.drives.cia402.profile import Cia402Profile
 from hil.drives.driver import DrivePhase, PowerGoal
-from hil.sim.cia402 import SimulatedCia402
+from hil.sim.cia402.drive import SimulatedCia402
 from tests.drives import line
 from tests.drives.exchange import StandIn
 from tests.drives.line import Line, Node, changed

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hil.configfile import data_folder
 from hil.drives.cia402.aborts import ABORTS, CODES, SdoAbort, SdoTimeout
 from hil.drives.cia402.sdo import SdoClient, Transfer
-from hil.sim.sdo_server import SdoServer
+from hil.sim.cia402.sdo_server import SdoServer
 
 EDS = str(data_folder("drives") / "cia402" / "device.eds")
 NODE = 5

@@ -21,7 +21,7 @@ from hil.config import BicycleFile, Effect
 from hil.errors import HilError
 from hil.exam.rides.record import record
 from hil.exam.rides.world import Bicycle, ride
-from hil.exam.world.body import Outside
+from hil.exam.world import Outside
 from hil.exam.world.play import WorldError
 from hil.gap.bicycle import RideProblem
 from hil.runs import Run, RunMeta

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -12,17 +12,15 @@ from hil.bicycle.path import eight, slalom, surges, u_turns
 from hil.config import BicycleFile, Effect
 from hil.configfile import load_bicycle, parse_settings
 from hil.exam.case import answer_of, write_case
+from hil.exam.order import Order
 from hil.exam.rides.bench import RideBench
 from hil.exam.rides.menu import RIDE_EFFECTS, draw_effect
 from hil.exam.rides.outside import RIDE_OUTSIDE, draw_outside
 from hil.exam.rides.record import record
 from hil.exam.rides.world import Bicycle, ride
 from hil.exam.severity import Solved, effect_of, solve_size
-from hil.exam.world.body import Outside
+from hil.exam.world import Outside
 from hil.exam.world.play import WorldError
-
-if TYPE_CHECKING:
-    from hil.exam.make import Order
 
 Rng = np.random.Generator
 

@@ -18,7 +18,7 @@ from hil.bicycle.manoeuvres import Manoeuvre
 from hil.bicycle.path import SPACING_M, speed_profile
 from hil.config import BicycleFile, Effect
 from hil.exam.rides.forward import LOCKED, ride_on
-from hil.exam.world.body import Outside
+from hil.exam.world import Outside
 from hil.exam.world.play import WorldError
 from hil.rigs.bicycle.parameters import ROLLING, Packed, pack, rotation
 from hil.rigs.bicycle.ride import static_load

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.config import Effect
 from hil.errors import ConfigError
 from hil.exam.world import layout as lay
+from hil.exam.world.body import World
 from hil.rigs.pack import joint_index
-
-if TYPE_CHECKING:
-    from hil.exam.world.body import World
 
 HARDENING = 2.0
 """A soft transmission is twice as stiff at so many times the wind-up of a tenth of the largest force."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from hil.exam.world import layout as lay
-
-if TYPE_CHECKING:
-    from hil.exam.world.body import World
+from hil.exam.world.body import World
 
 OF_ACTUATOR: Final = {
     "cable_drag": {"stiffness": lay.O_CABLE_K, "from": lay.O_CABLE_X},

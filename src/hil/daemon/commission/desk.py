@@ -15,8 +15,8 @@ from typing import Final, Self
 
 from hil.bus.port import BusPort, open_port
 from hil.config import RigFile
-from hil.daemon.commission_access import OverBus
-from hil.daemon.commission_rig import alone, calm, unbounded
+from hil.daemon.commission.access import OverBus
+from hil.daemon.commission.rig import alone, calm, unbounded
 from hil.daemon.core.link import Link
 from hil.daemon.lock import RigLock
 from hil.drives import DrivePhase, PowerGoal, build_drivers

@@ -1,4 +1,4 @@
-"""Starts the gateway as a process of its own, and is that process (`python -m hil.daemon.gateway_process`).
+"""Starts the gateway as a process of its own, and is that process (`python -m hil.daemon.gateway.process`).
 
 The parent hands over one end of the socket pair as an inherited descriptor and the rig on standard input.
 """
@@ -15,7 +15,7 @@ import msgspec
 
 from hil.config import RigFile
 from hil.configfile import parse_settings
-from hil.daemon.gateway_options import GatewayOptions
+from hil.daemon.gateway.options import GatewayOptions
 from hil.daemon.realtime import request_precedence
 from hil.errors import HilError
 
@@ -36,7 +36,7 @@ def start_gateway(
         },
     }
     # The rest of the line is for whoever reads `ps` or the recording's provenance.
-    command = [sys.executable, "-m", "hil.daemon.gateway_process", str(sock.fileno()), *sys.argv]
+    command = [sys.executable, "-m", "hil.daemon.gateway.process", str(sock.fileno()), *sys.argv]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, pass_fds=(sock.fileno(),))
     assert process.stdin is not None
     process.stdin.write(msgspec.json.encode(handed))
@@ -47,7 +47,7 @@ def start_gateway(
 
 def main() -> int:
     """Be the gateway; exit code 2 and one sentence where it cannot start."""
-    from hil.daemon.gateway import run_gateway  # not in the process that starts it
+    from hil.daemon.gateway.gateway import run_gateway  # not in the process that starts it
 
     request_precedence()
     handed = msgspec.json.decode(sys.stdin.buffer.read())

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from hil.bus.port import open_port
 from hil.config import RigFile
-from hil.daemon.check import Finding
+from hil.daemon.check.finding import Finding
 from hil.daemon.service import QUEUE_FRAMES
 from hil.errors import BusError
 

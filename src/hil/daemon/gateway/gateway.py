@@ -17,12 +17,12 @@ from typing import Final
 
 from hil import messages
 from hil.config import RigFile
-from hil.daemon.gateway_clients import Clients
-from hil.daemon.gateway_commands import PendingCommands
-from hil.daemon.gateway_events import Events
-from hil.daemon.gateway_options import GatewayOptions
-from hil.daemon.gateway_recording import Recording
-from hil.daemon.gateway_relay import Relay
+from hil.daemon.gateway.clients import Clients
+from hil.daemon.gateway.commands import PendingCommands
+from hil.daemon.gateway.events import Events
+from hil.daemon.gateway.options import GatewayOptions
+from hil.daemon.gateway.recording import Recording
+from hil.daemon.gateway.relay import Relay
 from hil.daemon.ipc import Channel
 from hil.daemon.metrics import Metrics, MetricsServer
 from hil.daemon.records import GatewayAlive

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 from hil.bus.port import BusPort, open_port
 from hil.config import RigFile
-from hil.daemon import check_canopen
-from hil.daemon.check import Finding, Probe
+from hil.daemon.check import canopen
+from hil.daemon.check.finding import Finding, Probe
 from hil.daemon.core import RigCore
 from hil.daemon.lock import RigLock
 from hil.drives import DrivePhase, build_drivers
@@ -69,8 +69,8 @@ def _look(rig: RigFile, profiles: Profiles, port: BusPort, listen_s: float | Non
             return _ask(rig, profile, ids, port)
         return _listen(rig, profile, ids, port, listen_s)
     if listen_s is None:
-        return check_canopen.ask(rig, profiles, port, _heard, ANSWER_S)
-    return check_canopen.heard_of(rig, {frame.can_id for frame in _heard(port, listen_s)})
+        return canopen.ask(rig, profiles, port, _heard, ANSWER_S)
+    return canopen.heard_of(rig, {frame.can_id for frame in _heard(port, listen_s)})
 
 
 def _listen(
@@ -186,7 +186,7 @@ def _release(rig: RigFile, profiles: Profiles, port: BusPort) -> None:
     """System Stop: without it the drives would miss their master and report that their watchdog ran out."""
     profile = profiles[rig.actuators[0].drive.profile]
     if not isinstance(profile, LustProfile):
-        for frame in check_canopen.release(rig, profiles):
+        for frame in canopen.release(rig, profiles):
             port.send(frame)
         return
     drives = LustBus(rig, profile)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from hil.config import RigFile
-from hil.daemon.check import Finding
+from hil.daemon.check.finding import Finding
 from hil.daemon.realtime import PRIORITY
 
 _SERVICE: Final = "etc/systemd/system/hild.service"

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from hil.bus.port import BusPort
 from hil.config import RigFile
-from hil.daemon.check import Finding
+from hil.daemon.check.finding import Finding
 from hil.drives import build_drivers
 from hil.drives.cia402 import codec
 from hil.drives.cia402.profile import Cia402Profile

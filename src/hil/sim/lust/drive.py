@@ -32,8 +32,8 @@ from hil.drives.power import FAULTED, PowerCommand, PowerState
 from hil.drives.profile import LustProfile
 from hil.errors import ProtocolError
 from hil.frames import Frame
-from hil.sim.lust_parameters import ParameterServer
-from hil.sim.lust_power import PowerStage
+from hil.sim.lust.parameters import ParameterServer
+from hil.sim.lust.power import PowerStage
 from hil.sim.plant import Plant
 from hil.sim.senses import Senses
 

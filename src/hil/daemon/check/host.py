@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from hil.config import RigFile
-from hil.daemon.check import Finding
+from hil.daemon.check.finding import Finding
 from hil.daemon.core import RigCore
 from hil.daemon.lock import RigLock
 from hil.drives import build_drivers

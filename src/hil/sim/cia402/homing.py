@@ -13,8 +13,8 @@ from typing import Final, Literal
 
 from hil.drives.cia402.mapping import HOMING_MODE
 from hil.drives.cia402.profile import Cia402Profile
-from hil.sim.cia402_motion import Motion402
-from hil.sim.cia402_objects import Objects
+from hil.sim.cia402.motion import Motion402
+from hil.sim.cia402.objects import Objects
 from hil.sim.plant import Plant
 
 TARGET_REACHED: Final = 0x0400

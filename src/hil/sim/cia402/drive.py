@@ -19,12 +19,12 @@ from hil.drives.cia402.profile import Cia402Profile
 from hil.drives.power import FAULTED, PowerState
 from hil.errors import ProtocolError
 from hil.frames import Frame
-from hil.sim.cia402_exchange import ProcessData
-from hil.sim.cia402_motion import Motion402
-from hil.sim.cia402_objects import Objects
-from hil.sim.cia402_power import PowerStage
+from hil.sim.cia402.exchange import ProcessData
+from hil.sim.cia402.motion import Motion402
+from hil.sim.cia402.objects import Objects
+from hil.sim.cia402.power import PowerStage
+from hil.sim.cia402.sdo_server import SdoServer
 from hil.sim.plant import Plant
-from hil.sim.sdo_server import SdoServer
 
 Timed = list[tuple[float, Frame]]
 

@@ -7,9 +7,9 @@ import math
 from hil.drives.cia402.configure import AT_ONCE, DISABLED
 from hil.drives.cia402.mapping import MODE_CODES
 from hil.drives.cia402.profile import Cia402Profile
-from hil.sim.cia402_motion import Motion402
-from hil.sim.cia402_objects import Objects
-from hil.sim.cia402_power import PowerStage
+from hil.sim.cia402.motion import Motion402
+from hil.sim.cia402.objects import Objects
+from hil.sim.cia402.power import PowerStage
 
 PDO_LENGTH, MISSED = 0x8210, 0xFF01
 """Emergency error codes (CiA 301 [M]; the last is the maker's)."""

@@ -10,7 +10,7 @@ from hil.config import RigFile
 from hil.drives.cia402.codec import clamp
 from hil.drives.cia402.mapping import MODE_CODES, TARGETS, CyclicMode, Units
 from hil.drives.cia402.profile import Cia402Profile, Missed
-from hil.sim.cia402_objects import Objects
+from hil.sim.cia402.objects import Objects
 from hil.sim.plant import Plant
 from hil.sim.senses import Senses
 

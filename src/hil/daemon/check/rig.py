@@ -1,56 +1,25 @@
-"""What is wrong with this PC, its bus and its drives for a rig, and how to mend it.
-
-Each part looks at one thing and returns findings; nothing here changes the PC, and the bus is only
-listened to unless told otherwise.
-"""
+"""Everything that can be wrong with a rig on this PC, each part asked in turn."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from hil.bus.schedule import require_schedule_fits
 from hil.config import RigFile
+from hil.daemon.check.bus import check_bus
+from hil.daemon.check.drives import check_drives
+from hil.daemon.check.finding import Finding, Probe
+from hil.daemon.check.host import check_daemon, check_disk, check_endpoints, check_model
+from hil.daemon.check.pc import check_cycle, check_pc
 from hil.drives import build_drivers
 from hil.drives.profiles import Profiles
 from hil.errors import ConfigError
-
-Level = Literal["ok", "warn", "fault"]
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing that was looked at. `fault`: the rig will not run; `warn`: it will run worse."""
-
-    level: Level
-    topic: str
-    text: str
-    remedy: str = ""
-    """What to do, where something is wrong."""
-
-
-@dataclass(frozen=True, slots=True)
-class Probe:
-    """How far the drives are asked."""
-
-    listen_s: float = 0.6
-    """How long the bus is listened to."""
-    asks: bool = False
-    """Read one parameter of each drive."""
-    prepares: bool = False
-    """Prepare the drives as for arming, power off."""
 
 
 def check_rig(
     rig: RigFile, profiles: Profiles, probe: Probe, root: Path = Path("/")
 ) -> list[Finding]:
     """Everything about `rig` on this PC, whose files are below `root`. Opens the bus, and takes its time."""
-    from hil.daemon.check_bus import check_bus
-    from hil.daemon.check_drives import check_drives
-    from hil.daemon.check_host import check_daemon, check_disk, check_endpoints, check_model
-    from hil.daemon.check_pc import check_cycle, check_pc
-
     found = check_contradictions(rig, profiles)
     found += check_pc(root)
     found += check_cycle(rig)

@@ -8,10 +8,10 @@ from typing import Any, Final
 
 from hil import messages
 from hil.config import RigFile
-from hil.daemon.gateway_commands import PendingCommands
-from hil.daemon.gateway_events import Events
-from hil.daemon.gateway_recording import Recording
-from hil.daemon.gateway_state import Decimator, drive_message, state_message, status_message
+from hil.daemon.gateway.commands import PendingCommands
+from hil.daemon.gateway.events import Events
+from hil.daemon.gateway.recording import Recording
+from hil.daemon.gateway.state import Decimator, drive_message, state_message, status_message
 from hil.daemon.ipc import Channel, Sources
 from hil.daemon.metrics import Metrics
 from hil.daemon.recording import keep

@@ -10,10 +10,10 @@ import zenoh
 from hil import messages
 from hil.config import RigFile
 from hil.daemon.cue_parts import split_cue
-from hil.daemon.gateway_commands import Command, PendingCommands, parse_command
-from hil.daemon.gateway_cues import CueInlet
-from hil.daemon.gateway_events import Events
-from hil.daemon.gateway_recording import Recording
+from hil.daemon.gateway.commands import Command, PendingCommands, parse_command
+from hil.daemon.gateway.cues import CueInlet
+from hil.daemon.gateway.events import Events
+from hil.daemon.gateway.recording import Recording
 from hil.daemon.ipc import Channel
 from hil.daemon.metrics import Metrics
 from hil.daemon.zenoh_session import Arrival, RigSession

@@ -16,7 +16,7 @@ from hil.drives.meaning import SetpointKind
 from hil.drives.power import FAULTED, PowerCommand, PowerState, respond
 from hil.drives.profile import LustProfile
 from hil.sim.course import Course
-from hil.sim.lust_parameters import ParameterServer
+from hil.sim.lust.parameters import ParameterServer
 from hil.sim.plant import Plant
 from hil.sim.senses import Senses
 

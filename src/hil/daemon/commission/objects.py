@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from hil.daemon.commission import Desk
-from hil.daemon.commission_access import Access, NoAnswer
+from hil.daemon.commission.access import Access, NoAnswer
+from hil.daemon.commission.desk import Desk
 from hil.drives.cia402.mapping import MODE_CODES, supports
 from hil.drives.cia402.meaning import number_of, writable_objects
 from hil.drives.cia402.profile import Cia402Profile

@@ -19,9 +19,9 @@ from hil.drives.power import (
     encode_status_word,
     respond,
 )
-from hil.sim.cia402_homing import Homing
-from hil.sim.cia402_motion import Motion402
-from hil.sim.cia402_objects import Objects
+from hil.sim.cia402.homing import Homing
+from hil.sim.cia402.motion import Motion402
+from hil.sim.cia402.objects import Objects
 from hil.sim.course import Course
 from hil.sim.plant import Plant
 

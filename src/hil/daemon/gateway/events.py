@@ -9,7 +9,7 @@ from typing import Literal
 import structlog
 
 from hil import messages
-from hil.daemon.gateway_recording import Recording
+from hil.daemon.gateway.recording import Recording
 from hil.daemon.metrics import Metrics
 from hil.daemon.zenoh_session import RigSession
 from hil.messages import EventMessage

@@ -1,0 +1,1 @@
+"""Drives one by one at the desk: scanned, read, written, homed, jogged."""

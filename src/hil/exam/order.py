@@ -1,0 +1,41 @@
+"""What exam cases to make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from hil.errors import ConfigError
+from hil.exam.rigs import ALL, RIGS
+
+KINDS: Final = ("none", "single", "double", "triple", "outside")
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What cases to make: everything that a case depends on, beside its number."""
+
+    rigs: tuple[str, ...] = RIGS
+    seed: int = 1000
+    severities: tuple[float, ...] = (1.0, 3.0, 10.0)
+    kinds: tuple[str, ...] = KINDS
+    effects: tuple[str, ...] = ()
+    """Only these effects (or outside effects); empty: all."""
+
+    def __post_init__(self) -> None:
+        for what, given, known in (("rig", self.rigs, ALL), ("kind", self.kinds, KINDS)):
+            for name in given:
+                if name not in known:
+                    raise ConfigError(
+                        f"{name!r} is no {what} of exam cases; choose of {', '.join(known)}"
+                    )
+        if not self.rigs or not self.kinds or not all(s > 0.0 for s in self.severities):
+            raise ConfigError("exam cases need a rig, a kind and severities above 0")
+
+    def severity_of(self, reached: float) -> float:
+        """The largest severity that an effect reaches: one that cannot be small stands higher."""
+        return max((s for s in self.severities if s < 1.2 * reached), default=min(self.severities))
+
+    def case_id(self, number: int) -> str:
+        """Name of case `number`; it says nothing of what the case holds."""
+        return f"{self.rigs[number % len(self.rigs)]}-{self.seed:04d}-{number:04d}"
