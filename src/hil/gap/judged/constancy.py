@@ -19,12 +19,14 @@ from hil.gap.catalogue.bank import Bank
 from hil.gap.fits.fit import sensitivities
 from hil.gap.fits.fitted import Calibrated, Fit, spread_of
 from hil.gap.fits.frames import EFFECT as LOST
+from hil.gap.fits.friction import FRICTION
 from hil.gap.fits.rounded import EFFECT as ROUNDED
 from hil.gap.fits.shares import most_left
+from hil.gap.fits.starts import changes_of
 from hil.gap.record.leaf import Leaf
 from hil.gap.record.problem import Problem, Series
 from hil.gap.search.joint import LEFT
-from hil.gap.search.linear import Search
+from hil.gap.search.linear import Proposal, Search
 
 Array = NDArray[np.float64]
 
@@ -82,10 +84,34 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
 
 
 def _another(c: Calibrated, f: Fit, bank: Bank) -> float:
-    """Nats that the best candidate beside a fit's own could take off what it leaves."""
+    """Nats that the best candidate beside a fit's own could take off what it leaves.
+
+    Less friction of another law where the fit has more is no other cause: the two together are a third law.
+    """
     own = {x.name for x in f.leaves}
+    more = {
+        leaf.location for leaf in f.leaves if leaf.effect in FRICTION
+        and all(v > 0.0 for n, v in zip(f.names, f.values, strict=True) if n in leaf.parameters)
+    }  # fmt: skip
     found = Search(replace(c, z=f.z), bank, f.white).alone()
-    return max([0.0, *(p.gain for p in found if bank.leaves[p.leaves[0]].name not in own)])
+    return max(
+        [
+            0.0,
+            *(
+                p.gain for p in found
+                if (leaf := bank.leaves[p.leaves[0]]).name not in own
+                and not (leaf.location in more and leaf.effect in FRICTION and _is_less(c, leaf, p))
+            ),
+        ]
+    )  # fmt: skip
+
+
+def _is_less(c: Calibrated, leaf: Leaf, p: Proposal) -> bool:
+    """Whether anything that a proposal of one leaf scales goes below its neutral value."""
+    ((start, _),) = p.starts
+    changes = changes_of([leaf], p.starts, c.problem)
+    scaled = [n for n in changes if n not in leaf.starts[start].fixed]
+    return any(changes[n] < c.problem.table[n].neutral for n in scaled)
 
 
 class _Picture:
