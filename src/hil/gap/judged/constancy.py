@@ -30,6 +30,7 @@ from hil.gap.search.linear import Proposal, Search
 
 Array = NDArray[np.float64]
 
+DRAG: Final = "viscous_friction"
 CUT: Final = 8.0
 """Spreads of what the fit leaves, at which whitened samples are cut."""
 RIDGE: Final = 1e-6
@@ -50,12 +51,17 @@ class Variation:
 
 def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Variation | None:
     """The largest variation of any effect of a fit, less chance and what another effect of `bank` could take
-    off as well; None where the fit leaves nothing, no parameter has a column, or no actuator moves.
+    off as well; None where there is none to ask, no parameter has a column, or no actuator moves.
+
+    Where a fit leaves nothing, only the laws of drag are asked: whatever brakes more the faster it goes comes
+    so near each other that most of a small gap goes with the wrong one.
 
     `worth`: by how much an estimate's variance is larger than independent noise makes it.
     """
     leaves = [x for x in f.leaves if x.effect not in (LOST, ROUNDED)]
-    if not leaves or not c.problem.actuators or most_left(c, f) < LEFT:
+    if most_left(c, f) < LEFT:
+        leaves = [x for x in leaves if x.effect == DRAG]
+    if not leaves or not c.problem.actuators:
         return None
     rows = c.train
     answer = c.problem.measured - f.residual

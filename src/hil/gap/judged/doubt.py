@@ -26,10 +26,6 @@ SOFT: Final = 0.06
 """How gradually."""
 OTHERWISE: Final = 0.03
 """Chance that even what is all explained is none of the catalogue."""
-MISTAKEN: Final = {"viscous_friction": 0.2, "loop_gain": 0.2}
-"""The same of effects that much outside the catalogue looks like: whatever brakes more the faster it goes,
-and drives that hold back [of those named with p > 0.9 in the exams of seeds 97 to 116, 7 of 20 were not
-there, of all others 7 of 275]."""
 CHANCE: Final = 5.0
 """Nats below which the best of many candidates may be one by chance."""
 HOLDS: Final = 0.4
@@ -104,7 +100,7 @@ def doubt(
     """The chance, and the variation of a parameter where that is what tells; what acts once varies with
     nothing."""
     others = other_than_steps(f)
-    other = max((by_share(told.share, told.gain), *(MISTAKEN.get(x.effect, 0.0) for x in others)))
+    other = by_share(told.share, told.gain)
     if is_beyond(others, f):
         other = max(other, AT_BOUND)
     part = told.part
