@@ -35,6 +35,19 @@ def test_a_scale_that_stays_is_named():
     assert found.unknown < 0.1
 
 
+@pytest.mark.parametrize(("power", "verdict"), [(1, "identified"), (2, "unknown")])
+def test_drag_with_the_square_of_speed_is_no_viscous_friction_though_little_is_left(power, verdict):
+    frame = record()
+    sent = frame[["t", "axis.setpoint"]].dropna()
+    speed = np.gradient(sent["axis.setpoint"], sent["t"])
+    drag = np.interp(frame["t"], sent["t"], np.sign(speed) * np.abs(speed) ** power)
+    frame["axis.force"] += 12.0 * drag / np.sqrt(np.mean(drag**2))
+    found = diagnose(frame, AXIS)
+    assert found.verdict == verdict
+    assert found.causes[0].effect == "viscous_friction"
+    assert power == 1 or "goes with speed" in found.sentence
+
+
 def test_an_encoder_that_jumps_now_and_then_is_a_gap_and_none_of_the_catalogue():
     frame = record()
     rng = np.random.default_rng(5)
