@@ -12,7 +12,7 @@ import hil.gap.judged.doubt as module
 from hil.gap import diagnose
 from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import usually_explained
-from hil.gap.judged.verdict import _is_usual
+from hil.gap.judged.verdict import _is_unseen, _is_usual
 from hil.gap.record.leaf import Leaf
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
@@ -114,6 +114,20 @@ def test_clocks_and_screws_that_differ_as_any_do_are_no_finding(names, values, s
         for at, e in effects
     )
     assert _is_usual(SimpleNamespace(leaves=leaves, names=names, values=np.array(values))) is same
+
+
+@pytest.mark.parametrize(
+    ("effect_name", "shrink", "unknown", "is_unseen"),
+    [
+        ("velocity_saturation", None, 0.2, True),
+        ("velocity_saturation", None, 0.04, False),
+        ("velocity_saturation", 0.5, 0.2, False),
+        ("compliance", None, 0.2, False),
+    ],
+)
+def test_a_limit_that_leaves_much_must_show_in_unseen_data(effect_name, shrink, unknown, is_unseen):
+    f = SimpleNamespace(leaves=(Leaf(effect_name, "axis", (), (), "axis"),))
+    assert _is_unseen(f, SimpleNamespace(shrink=shrink), unknown) is is_unseen
 
 
 @pytest.mark.parametrize(("after", "is_doubtful"), [(1.0, False), (1.04, False), (1.1, True)])

@@ -113,10 +113,10 @@ def answer(
     is_plain = all(leaf.effect in (LOST, ROUNDED) for leaf in first.leaves)
     is_seen = varies is not None and part.before > RATIO
     is_told = is_large or is_seen or is_plain or _is_once(c, first, gain)
-    is_moment = not is_told and unknown > UNTOLD and all(x.effect in EVENTS for x in first.leaves)
-    if is_moment and part.shrink is None:
-        return replace(_small(located, held_out), not_excited=not_excited(c, bank))
-    if not (is_told or is_hidden(c, none, first)) and _is_faint(part):
+    is_chance = _is_unseen(first, part, unknown) or (
+        _is_faint(part) and not is_hidden(c, none, first)
+    )
+    if is_chance and not is_told:
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
     chosen = tuple(
@@ -161,6 +161,13 @@ def _is_faint(unseen: Score) -> bool:
         return False
     is_sure = unseen.shrink_ci is not None and unseen.shrink_ci[0] > 0.0
     return unseen.shrink < HOLDS and not is_sure
+
+
+def _is_unseen(f: Fit, unseen: Score, unknown: float) -> bool:
+    """Whether a fit is of what acts now and then, no unseen data show it, and it leaves too much of the seen
+    gap."""
+    is_moment = all(leaf.effect in EVENTS for leaf in f.leaves)
+    return is_moment and unseen.shrink is None and unknown > UNTOLD
 
 
 def _surely(s: SignalGap) -> float:
