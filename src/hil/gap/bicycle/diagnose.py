@@ -32,8 +32,7 @@ from hil.runs import Run
 EXPLAINED: Final = 0.72
 """Share of a gap's energy that a verdict must explain, half of the time [set on training cases]."""
 OTHERWISE: Final = 0.05
-"""Chance that even what is all explained is none of the catalogue [3 of 52 others that were named with
-p > 0.8 in the exams of seeds 612 to 614]."""
+"""Chance that even what is all explained is none of the catalogue [set on used-up exams]."""
 TWINS: Final = {
     "bicycle.front_suspension": (0.25, "an IMU whose bracket bends"),
     "bicycle.tyre_compliance": (0.15, "an IMU whose bracket bends"),
@@ -41,7 +40,8 @@ TWINS: Final = {
 }
 """The same of effects that something outside the catalogue looks like on any ride, and what that is: a
 bracket that bends pitches the IMU when the fork would dive, and tyres that slip sideways turn a bicycle as a
-scale of its steer angle does [9 of 19 named in those exams were not there, 7 of them for such a thing]."""
+scale of its steer angle does [set on used-up exams, where about half of these that were named were not there,
+most of them for such a thing]."""
 LARGE: Final = 3.0
 """Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
 HOLDS: Final = 0.05
@@ -248,8 +248,7 @@ def _by_energy(found: Diagnosis) -> Diagnosis:
     share = 1.0 - left / max(was, 1e-9)
     unseen = found.score
     worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
-    looked_like = [TWINS[leaf.name] for leaf in best.leaves if leaf.name in TWINS]
-    least = max((OTHERWISE, *(x for x, _ in looked_like)))
+    least = max([OTHERWISE, *(TWINS[x.name][0] for x in best.leaves if x.name in TWINS)])
     unknown = chance(share, least_explained(worth, EXPLAINED), least)
     if worth is not None and worth < (HOLDS if len(best.leaves) == 1 else SEVERAL_HOLD):
         unknown = max(unknown, 0.9)  # unseen data do not bear it out

@@ -15,7 +15,7 @@ from hil.runs import Run
 
 
 def locate_any(runs: Iterable[Run], rig: AnyRig, *, seed: int = 0) -> Located:
-    """`hil.gap.located.locate`, or `locate_rides`, as `rig` is."""
+    """`hil.gap.locate`, or `locate_rides`, as `rig` is."""
     loaded = list(runs)
     if isinstance(rig, BicycleFile):
         return locate_rides(loaded, rig, seed=seed)

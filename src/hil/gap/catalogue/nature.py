@@ -28,5 +28,7 @@ EVENTS: Final = LIMITS | {"lost_frames"}
 FLANKS: Final = frozenset({"backlash"})
 """They do most as flanks meet."""
 MOMENTS: Final = EVENTS | FLANKS
+DRAG: Final = "viscous_friction"
+"""Whatever brakes more the faster it goes comes so near it that little of a small gap is left."""
 NEAR: Final = frozenset({"backlash", "transport_delay", "sensor_latency", "clock_drift"})
 """They grow in no proportion to their parameter: only near a start is its column what they do."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.catalogue.bank import Bank
+from hil.gap.catalogue.nature import DRAG
 from hil.gap.fits.fit import sensitivities
 from hil.gap.fits.fitted import Calibrated, Fit, spread_of
 from hil.gap.fits.frames import EFFECT as LOST
@@ -30,7 +31,6 @@ from hil.gap.search.linear import Proposal, Search
 
 Array = NDArray[np.float64]
 
-DRAG: Final = "viscous_friction"
 CUT: Final = 8.0
 """Spreads of what the fit leaves, at which whitened samples are cut."""
 RIDGE: Final = 1e-6
@@ -53,8 +53,7 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
     """The largest variation of any effect of a fit, less chance and what another effect of `bank` could take
     off as well; None where there is none to ask, no parameter has a column, or no actuator moves.
 
-    Where a fit leaves nothing, only the laws of drag are asked: whatever brakes more the faster it goes comes
-    so near each other that most of a small gap goes with the wrong one.
+    Where a fit leaves nothing, only DRAG is asked.
 
     `worth`: by how much an estimate's variance is larger than independent noise makes it.
     """
@@ -95,21 +94,17 @@ def _another(c: Calibrated, f: Fit, bank: Bank) -> float:
     Less friction of another law where the fit has more is no other cause: the two together are a third law.
     """
     own = {x.name for x in f.leaves}
-    more = {
-        leaf.location for leaf in f.leaves if leaf.effect in FRICTION
-        and all(v > 0.0 for n, v in zip(f.names, f.values, strict=True) if n in leaf.parameters)
-    }  # fmt: skip
+    values = dict(zip(f.names, f.values, strict=True))
+    rubs = [x for x in f.leaves if x.effect in FRICTION]
+    more = {x.location for x in rubs if all(values.get(n, 1.0) > 0.0 for n in x.parameters)}
+
+    def is_other(p: Proposal) -> bool:
+        leaf = bank.leaves[p.leaves[0]]
+        is_third = leaf.effect in FRICTION and leaf.location in more and _is_less(c, leaf, p)
+        return leaf.name not in own and not is_third
+
     found = Search(replace(c, z=f.z), bank, f.white).alone()
-    return max(
-        [
-            0.0,
-            *(
-                p.gain for p in found
-                if (leaf := bank.leaves[p.leaves[0]]).name not in own
-                and not (leaf.location in more and leaf.effect in FRICTION and _is_less(c, leaf, p))
-            ),
-        ]
-    )  # fmt: skip
+    return max([0.0, *(p.gain for p in found if is_other(p))])
 
 
 def _is_less(c: Calibrated, leaf: Leaf, p: Proposal) -> bool:

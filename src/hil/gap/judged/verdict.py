@@ -36,8 +36,8 @@ LARGE: Final = 2.0
 """Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
 UNTOLD: Final = 0.1
 """Chance of something unknown up to which what acts now and then, not beyond doubt, is a gap though unseen
-data have none of it [of four such in the exam of seed 114 three were there, with 0.04 at most, one was not,
-with 0.2]."""
+data have none of it [set on the used-up exam of seed 114: those that were there had 0.04 at most, one that
+was not had 0.2]."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
