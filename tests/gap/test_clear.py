@@ -21,9 +21,10 @@ def weighed(nats: float, *names: str, prior: float = 0.0) -> Weighed:
 def found(monkeypatch):
     """What is clear of some, each a trace of so many floors; `seen` on unseen data, (before, shrink)."""
 
-    def ask(some, trace, seen=(1.0, None), is_large=False):
+    def ask(some, trace, seen=(1.0, None), is_large=False, further=True):
         monkeypatch.setattr(module, "traces", lambda c, none, f: {"axis.force": trace})
         monkeypatch.setattr(module, "explained", lambda *a, **k: 0.5)
+        monkeypatch.setattr(module, "goes_further", lambda *a, **k: further)
         c = SimpleNamespace(problem=SimpleNamespace(discount=20.0))
         none = SimpleNamespace(leaves=(), prior_cost=0.0)
         before, shrink = seen
@@ -53,6 +54,16 @@ def test_a_set_must_be_clear_beside_what_is_simpler_and_as_good(found):
             weighed(118.0, "loop_gain")]  # fmt: skip
     assert ("loop_gain", "sensor_scale") not in found(some, 0.9, is_large=True)
     assert ("loop_gain", "sensor_scale") in found(some, 1.4, is_large=True)
+
+
+def test_a_set_must_go_further_than_one_effect_that_is_none_of_its_own(found):
+    """A scale of an accelerometer explains what a lead error and a force constant do, but for small ways."""
+    some = [weighed(410.0, "lead_error", "force_constant"), weighed(395.0, "sensor_scale"),
+            weighed(190.0, "lead_error")]  # fmt: skip
+    assert ("lead_error", "force_constant") in found(some, 1.4, is_large=True)
+    alone = found(some, 1.4, is_large=True, further=False)
+    assert alone[0] == ("sensor_scale",)
+    assert ("lead_error", "force_constant") not in alone
 
 
 def test_what_answers_as_a_finding_does_is_one_as_well(found, monkeypatch):

@@ -9,7 +9,7 @@ from hil.gap.catalogue.bank import fill_bank
 from hil.gap.catalogue.leaves import find_leaves
 from hil.gap.floor.differences import RARE, times_louder
 from hil.gap.floor.draws import sensor_sigma
-from hil.gap.floor.loudness import HEALTHY, LOUDEST, Level, level_of
+from hil.gap.floor.loudness import BY_SENSORS, HEALTHY, LOUDEST, Level, level_of
 from hil.gap.floor.noise import find_noise
 from hil.gap.located.locate import locate
 from hil.gap.record.problem import Problem
@@ -31,18 +31,32 @@ def noisy():
     return problem, residual
 
 
-def levels(problem, residual, healthy):
+def told(problem, residual, healthy):
     rng = np.random.default_rng(2)
-    found = find_noise(problem, problem.base, rng, residual=residual, healthy=healthy, count=2)
-    return {signal: x.sensed for signal, x in found.levels.items()}
+    return find_noise(
+        problem, problem.base, rng, residual=residual, healthy=healthy, count=2
+    ).levels
+
+
+def levels(problem, residual, healthy):
+    return {signal: x.sensed for signal, x in told(problem, residual, healthy).items()}
 
 
 def test_without_a_reference_the_fastest_part_of_a_residual_is_noise(noisy):
-    assert levels(*noisy, None)["axis.force"] == pytest.approx(3.0, rel=0.1)
+    problem, residual = noisy
+    assert levels(problem, residual / 2.0, None)["axis.force"] == pytest.approx(1.5, rel=0.1)
 
 
 def test_an_encoder_that_is_far_louder_than_its_file_says_is_a_gap(noisy):
     assert levels(*noisy, None)["axis.position"] == LOUDEST["position"]
+
+
+def test_a_force_that_is_far_louder_than_its_file_and_timing_make_it_is_a_gap(noisy):
+    force = told(*noisy, None)["axis.force"]
+    alone, by_timing = BY_SENSORS["force"]
+    assert 0.0 < force.lively < 3.0
+    assert force.sensed == pytest.approx(alone + by_timing * force.lively)
+    assert force.sensed < 2.9
 
 
 def test_a_run_is_little_louder_than_its_healthy_reference(noisy):

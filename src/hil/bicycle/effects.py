@@ -130,7 +130,11 @@ def softened(rig: BicycleFile, dt_s: float, values: Array, share: float = SOFTER
 
 def soft_motion(rig: BicycleFile, dt_s: float, angles: Array, share: float = SOFTER) -> Smooth:
     """(N, 3) true angles softened, with derivatives that no filter touches again."""
-    angle = softened(rig, dt_s, angles, share)
+    return differenced(dt_s, softened(rig, dt_s, angles, share))
+
+
+def differenced(dt_s: float, angle: Array) -> Smooth:
+    """Smooth angles (N, 3) with their differences, which no filter touches again."""
     rate = central(angle, dt_s)
     return Smooth(dt_s, angle, rate, central(rate, dt_s))
 

@@ -2,9 +2,11 @@
 
 Lean, wheel and steer drive it as setpoints drive a rig's twin. Effects of their sensors are taken out of them
 before; wheels, slip, fork and tyres change the ride computed; effects of the IMU are put on its answers.
-Angles are smoothed first and nothing after, measured IMU signals by the same low-pass: what is computed of
-smooth angles is then the smooth of what would be computed of true ones, and a filter never looks like an
-effect. (The documented conditioning filters rates once more, and so treats rates and accelerations unlike.)
+Angles pass the ride's low-pass, and what is computed of them a softer one; measured IMU signals pass both.
+A filter then never looks like an effect: what turns lean into pitch is a product, and the product of what a
+soft filter leaves is not what it leaves of the product. Only what fork and tyres add is computed of angles
+that have passed both, for noise of second differences would shake them. (The documented conditioning filters
+rates once more, and so treats rates and accelerations unlike.)
 
 The lean torque left over is an equation, not a sensor: nobody pushes a free bicycle from outside, so it
 must be zero. It is what a rider's lean against the frame shows in, which no sensor on the frame sees.
@@ -19,12 +21,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.bicycle.effects import RideEffects, soft_motion, softened
+from hil.bicycle.effects import RideEffects, differenced, softened
 from hil.bicycle.recorded import Ride
 from hil.bicycle.sensors import IMU_SIGNALS
 from hil.config import BicycleFile
 from hil.errors import KinematicsError
-from hil.rigs.bicycle import Motion, Packed
+from hil.rigs.bicycle import Motion, Packed, Smooth
 
 Array = NDArray[np.float64]
 
@@ -65,34 +67,51 @@ class RideTwin:
         return out
 
     def filtered(self, values: Array) -> Array:
-        """(N, ...) through the low-pass of angles and IMU: the ride's own, softer, twice."""
+        """(N, ...) through both low-passes: the ride's own, and a softer one."""
         columns = values[:, None] if values.ndim == 1 else values
-        columns = softened(self.rig, self.recorded.dt_s, columns)
+        columns = self._softer(softened(self.rig, self.recorded.dt_s, columns, 1.0))
         return columns[:, 0] if values.ndim == 1 else columns
 
     def motion(self, values: Mapping[str, float], angles: Array | None = None) -> Motion:
-        """The ride with effects; `angles` instead of the recorded ones."""
-        told = self.recorded.angles if angles is None else angles
+        """The ride with effects, of angles through both low-passes; `angles` instead of the recorded ones."""
         effects = RideEffects(values)
-        true = effects.true_angles(self.recorded.t_s, told)
-        return effects.motion(self.bicycle, soft_motion(self.rig, self.recorded.dt_s, true))
+        return effects.motion(self.bicycle, self._told(effects, angles, is_soft=True))
 
     def answer(self, values: Mapping[str, float], angles: Array | None = None) -> dict[str, Array]:
         """By signal, what the twin says at the judged rows; NaN where it cannot stand."""
+        effects = RideEffects(values)
         try:
-            motion = self.motion(values, angles)
+            stiff = effects.rigid.motion(self.bicycle, self._told(effects, angles))
+            told = self._softer(self._columns(effects, stiff))
+            if effects.gives_way:
+                soft = self._told(effects, angles, is_soft=True)
+                told += self._columns(effects, effects.motion(self.bicycle, soft))
+                told -= self._columns(effects, effects.rigid.motion(self.bicycle, soft))
         except KinematicsError:
             return {s: np.full(len(self.judged), np.nan) for s in self.signals}
-        effects = RideEffects(values)
+        return {s: told[self.judged, k] for k, s in enumerate(self.signals)}
+
+    def _softer(self, columns: Array) -> Array:
+        return softened(self.rig, self.recorded.dt_s, columns)
+
+    def _told(self, effects: RideEffects, angles: Array | None, is_soft: bool = False) -> Smooth:
+        """True angles through the ride's low-pass, and the softer one as well where `is_soft`."""
+        told = self.recorded.angles if angles is None else angles
+        true = effects.true_angles(self.recorded.t_s, told)
+        true = softened(self.rig, self.recorded.dt_s, true, 1.0)
+        return differenced(self.recorded.dt_s, self._softer(true) if is_soft else true)
+
+    def _columns(self, effects: RideEffects, motion: Motion) -> Array:
+        """(N, signals) of a motion."""
         imu = effects.imu(self.recorded.t_s, motion)
-        out = {}
-        for signal in self.signals:
-            if signal == LEAN_TORQUE:
-                whole = effects.lean_torque(self.rig, motion)
-            else:
-                whole = imu[:, IMU_SIGNALS.index(signal)]
-            out[signal] = whole[self.judged]
-        return out
+        return np.column_stack(
+            [
+                effects.lean_torque(self.rig, motion)
+                if s == LEAN_TORQUE
+                else imu[:, IMU_SIGNALS.index(s)]
+                for s in self.signals
+            ]
+        )
 
     def speed(self) -> Array:
         """(J,) forward speed at the judged rows, m/s, without effects."""

@@ -22,6 +22,10 @@ LEVEL_RANGE: Final = (0.3, 3.0)
 """Times the noise model; more than that in the fastest part of a residual is gap."""
 LOUDEST: Final = {"position": 1.4, "velocity": 1.4}
 """The same for sensors of motion, whose steps and noise are known: on healthy rigs they are below 1.3."""
+BY_SENSORS: Final = {"force": (1.5, 0.35), "current": (1.5, 0.35)}
+"""The same for what sensors of force alone make, and what is added for each time that timing is larger than
+they are: where all of a record feels time, none of it tells of sensors alone [healthy rigs of three worlds
+stay below]."""
 LOUDER: Final = 1.1
 """Times all that is left, that its noise may have by the model: weights and chance make that much."""
 COMMON: Final = 0.98
@@ -71,7 +75,11 @@ def as_loud(
         left = residual[x.part][kept]
         a, b = late[:, x.part][:, kept], sensed[:, x.part][:, kept]
         lively = float(np.sqrt(mean_square(a) / max(mean_square(b), 1e-300)))
-        most = (LOUDEST.get(x.quantity, LEVEL_RANGE[1]), LEVEL_RANGE[1])
+        alone, by_timing = BY_SENSORS.get(x.quantity, (LEVEL_RANGE[1], 0.0))
+        most = (
+            min(LOUDEST.get(x.quantity, LEVEL_RANGE[1]), alone + by_timing * lively),
+            LEVEL_RANGE[1],
+        )
         usual = healthy.get(x.signal)
         if usual is not None:
             as_lively = usual.lively > AS_LIVELY * lively

@@ -16,6 +16,7 @@ from hil.gap.fits.heldout import Score, touched, traces
 from hil.gap.fits.rounded import EFFECT as ROUNDED
 from hil.gap.fits.shares import explained
 from hil.gap.record.leaf import Leaf
+from hil.gap.search.joint import goes_further
 
 EXPLAINED: Final = 0.46
 """Share of the gap's energy that a verdict must explain, half of the time: what is none of the catalogue is
@@ -86,9 +87,9 @@ def clear(
     and any that `unseen` data bear out.
 
     What answers as the best of them does is one as well: no threshold tells those apart.
-    A set must be clear beside each part of it and beside the best of what is simpler. Where the best is a
-    trifle itself, the others must be clear beside it. Beside steps of a signal, what else
-    there may be must explain what a verdict must.
+    A set must be clear beside each part of it and beside the best of each smaller size, and explain much of
+    what that leaves. Where the best is a trifle itself, the others must be clear beside it. Beside steps of a
+    signal, what else there may be must explain what a verdict must.
     """
     by_names = {_names(w.fit): w for w in weighed}
     likely = sorted(weighed, key=lambda w: -w.log_evidence)
@@ -116,8 +117,13 @@ def clear(
             return False
         if len(names) == 1:
             return is_large or adds(w, frozenset()) or is_borne_out(names)
-        simpler = next((_names(x.fit) for x in likely if len(x.fit.leaves) < len(names)), None)
-        return all(adds(w, base) for base in by_names if base < names or base == simpler)
+        if not all(adds(w, base) for base in by_names if base < names):
+            return False
+        best = (
+            next((x for x in likely if len(x.fit.leaves) == k), None) for k in range(1, len(names))
+        )
+        simpler = [x for x in best if x is not None and not _names(x.fit) < names]
+        return all(adds(w, _names(x.fit)) and goes_further(c, x.fit, w.fit) for x in simpler)
 
     def beside(w: Weighed, best: Weighed) -> bool:
         both = by_names.get(_names(w.fit) | _names(best.fit))

@@ -209,11 +209,16 @@ def adds(c: Calibrated, fits: Sequence[Fit], joint: Fit, least: float = ADDS) ->
     on the signals that it alone touches, or brings nuisances back, as far as those are among `fits`."""
     names = {leaf.name for leaf in joint.leaves}
     parts = [f for f in fits if {leaf.name for leaf in f.leaves} < names]
-    return all(
+    return all(goes_further(c, f, joint, least) for f in parts)
+
+
+def goes_further(c: Calibrated, f: Fit, joint: Fit, least: float = ADDS) -> bool:
+    """Whether a set explains more than a share `least` of what `f` leaves, or most of it on the signals that
+    `f` does not touch, or brings back nuisances that `f` leaves far off."""
+    return (
         explained(c, f, joint) > least
         or _owns(c, f, joint)
         or f.prior_cost - joint.prior_cost > BROUGHT_BACK
-        for f in parts
     )
 
 
