@@ -51,6 +51,33 @@ def test_a_healthy_ride_has_no_gap(healthy):
         assert 0.7 < s.ratio < 1.4, s
 
 
+@pytest.mark.parametrize(("signal", "step"), [("imu.gyro_x", 0.1), ("steer", 0.016)])
+def test_coarse_steps_of_a_signal_are_read_from_its_values(signal, step):
+    """The steer's are brought to the encoder's own steps besides, which are a sixth of those."""
+    run = ridden(short(), 23, ("sensor_quantisation", signal, {"step": step}))
+    found = diagnose_rides([run], NOMINAL)
+    assert found.verdict == "identified"
+    (cause,) = found.effects
+    assert (cause.effect, cause.location) == ("sensor_quantisation", signal)
+    assert cause.parameters["step"].value == pytest.approx(step, rel=0.02)
+    hidden = diagnose_rides([run], NOMINAL, without=["sensor_quantisation"])
+    assert all(x.effect != "sensor_quantisation" for x in hidden.causes)
+
+
+def test_tyres_that_give_way_in_curves_as_hard_ones_do_are_no_gap():
+    """Half a milliradian for each m/s² across: a steer angle that is told so much too large."""
+
+    def slipping(table):
+        rolled = table["rear_wheel"].dropna()
+        speed = NOMINAL.geometry.R * (rolled.max() - rolled.min()) / np.ptp(table["t"])
+        return table.assign(
+            steer=table["steer"] * (1.0 + 5e-4 * speed**2 / NOMINAL.geometry.wheelbase)
+        )
+
+    ride = simulate_ride(NOMINAL, short(), 24)
+    assert diagnose_rides([run_of(ride, slipping)], NOMINAL).verdict == "no_gap"
+
+
 def test_no_filter_looks_like_an_effect_however_lively_the_ride():
     """Pitch and its rate are products of lean and steer: what a filter leaves of those is not what it leaves
     of the products. A tight slalom at 4.5 m/s, leaning 0.2 rad to either side, without noise."""

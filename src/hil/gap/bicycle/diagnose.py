@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -13,14 +13,19 @@ from hil.gap.bicycle.intervals import widened
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
 from hil.gap.bicycle.noise import tempered, with_tolerances
+from hil.gap.bicycle.problem import RideProblem
+from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
 from hil.gap.bicycle.sets import fit_sets
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
 from hil.gap.fits.evidence import MORE
 from hil.gap.fits.fitted import Fit
 from hil.gap.fits.heldout import Score, score, split, touched
+from hil.gap.fits.rounded import EFFECT as ROUNDED
+from hil.gap.fits.rounded import rounded
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.noise import NoiseModel
+from hil.gap.judged.clear import other_than_steps
 from hil.gap.judged.diagnosis import Cause, Diagnosis
 from hil.gap.judged.doubt import STANDS, chance, least_explained
 from hil.gap.judged.verdict import answer, judge, stands
@@ -75,12 +80,13 @@ def diagnose_rides(
     say("locating the gap")
     located = locate_rides(loaded, rig, nuisances=nuisances, seed=seed)
     chosen = nuisances or list(ride_nuisances(rig, located.evidence.problem))
-    found = _explained(located, chosen, without, seed, say)
+    steps = {} if ROUNDED in without else coarse_steps_of_rides(loaded, rig)
+    found = _explained(located, chosen, steps, without, seed, say)
     if (found.effects or not found.causes) and (far := _strained(found, located, chosen)):
         say(f"once more without what no calibration sets right: {', '.join(far)}")
         fewer = [n for n in chosen if n.name.rpartition(".")[0] not in far]
         anew = locate_rides(loaded, rig, nuisances=fewer, seed=seed)
-        named = _explained(anew, fewer, without, seed, say)
+        named = _explained(anew, fewer, steps, without, seed, say)
         if {(x.effect, x.location) for x in named.effects} > {
             (x.effect, x.location) for x in found.effects
         } and _is_further(named, chosen):
@@ -91,27 +97,38 @@ def diagnose_rides(
 def _explained(
     located: Located,
     chosen: Sequence[Nuisance],
+    steps: Mapping[str, float],
     without: Collection[str],
     seed: int,
     say: Callable[[str], None],
 ) -> Diagnosis:
-    """The diagnosis of what was located with the nuisances `chosen`."""
+    """The diagnosis of what was located with the nuisances `chosen`, beside the `steps` of its signals."""
     e = located.evidence
     sd = np.array([n.sd for n in chosen])
+    floor = e.noise
+    if steps:
+        assert isinstance(e.problem, RideProblem)
+        floor = with_steps(floor, e.problem, e.vector, steps, np.random.default_rng(seed + 3))
 
     def explained_with(noise: NoiseModel) -> tuple[Diagnosis, NoiseModel]:
         counted = with_tolerances(replace(e, noise=noise), sd, np.random.default_rng(seed + 1))
         # A candidate's own pattern tells it from noise long before the whole residual does: all are weighed.
-        asked = replace(located, is_gap=True, evidence=replace(e, noise=counted))
-        found = _weighed(asked, chosen, without, seed, say)
-        return found if found.verdict != "no_gap" else _unsaid(found, counted), counted
+        floors = counted.floor(e.problem)
+        asked = replace(
+            located,
+            is_gap=True,
+            signals=tuple(replace(s, noise_floor=floors[s.signal]) for s in located.signals),
+            evidence=replace(e, noise=counted),
+        )
+        found = _weighed(asked, chosen, steps, without, seed, say)
+        return found if found.verdict != "no_gap" else _unsaid(found), counted
 
-    found, counted = explained_with(e.noise)
+    found, counted = explained_with(floor)
     if found.effects and max(s.ratio for s in located.signals) > LARGE:
         assert found.best is not None
         say("once more, by what the best candidate leaves")
         left = e.problem.residual(found.best.vector)
-        found, counted = explained_with(tempered(e.noise, e.problem, left, 1.0))
+        found, counted = explained_with(tempered(floor, e.problem, left, 1.0))
     held = ~split(e.problem, counted, e.residual).train(e.problem)
     return _on_floor(replace(found, located=located), held, seed)
 
@@ -119,6 +136,7 @@ def _explained(
 def _weighed(
     located: Located,
     chosen: Sequence[Nuisance],
+    steps: Mapping[str, float],
     without: Collection[str],
     seed: int,
     say: Callable[[str], None],
@@ -130,6 +148,8 @@ def _weighed(
     say("computing what each candidate would do")
     bank = candidates_of(c, none, without)
     fits = fit_sets(c, none, Search(c, bank), bank.leaves, say)
+    if steps:
+        fits = rounded(c, fits, steps)
     held, is_large = ~parts.train(e.problem), stands(located, c, none)
 
     def answered(some: Sequence[Fit]) -> Diagnosis:
@@ -210,12 +230,10 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
     )
 
 
-def _unsaid(found: Diagnosis, noise: NoiseModel) -> Diagnosis:
+def _unsaid(found: Diagnosis) -> Diagnosis:
     """`found`, no gap for want of a candidate; unknown where a signal stands above what noise and tolerances
     make of it."""
-    problem = found.located.evidence.problem
-    floors = noise.floor(problem)
-    over = {s.signal: s.before / max(floors[s.signal], 1e-300) for s in found.located.signals}
+    over = {s.signal: s.ratio for s in found.located.signals}
     worst = max(over, key=lambda s: over[s])
     if over[worst] < UNSAID:
         return found
@@ -249,8 +267,9 @@ def _by_energy(found: Diagnosis) -> Diagnosis:
     unseen = found.score
     worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
     least = max([OTHERWISE, *(TWINS[x.name][0] for x in best.leaves if x.name in TWINS)])
-    unknown = chance(share, least_explained(worth, EXPLAINED), least)
-    if worth is not None and worth < (HOLDS if len(best.leaves) == 1 else SEVERAL_HOLD):
+    others = other_than_steps(best)
+    unknown = chance(share, least_explained(worth, EXPLAINED), least) if others else least
+    if others and worth is not None and worth < (HOLDS if len(others) == 1 else SEVERAL_HOLD):
         unknown = max(unknown, 0.9)  # unseen data do not bear it out
     factor = (1.0 - unknown) / max(1.0 - found.unknown, 1e-12)
     causes = tuple(replace(x, probability=x.probability * factor) for x in found.causes)

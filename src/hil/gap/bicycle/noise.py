@@ -6,7 +6,7 @@ a verdict counts from there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -26,6 +26,8 @@ from hil.gap.record.problem import Problem
 from hil.rigs.bicycle import Packed, low_pass
 
 Array = NDArray[np.float64]
+Error = Callable[[RideTwin, str, Array], Array]
+"""(N,) of a signal of a ride, given its values (N,)."""
 
 DRAWS: Final = 8
 WINDOW_S: Final = 1.5
@@ -58,6 +60,9 @@ SCALE: Final = 0.002
 """Of a sensor's scale, as data sheets of calibrated ones have it [R]."""
 LATE_S: Final = 0.001
 """Of lean, wheel and steer against each other: a tenth of a sample [R]."""
+SLIP: Final = 6e-4
+"""rad for each m/s² across, of a hard tyre's slip and of what fork and frame give way [R]: what is steered
+is not where the wheels roll."""
 EDGE: Final = 1.4
 """Standard deviations of all that a bicycle may be off by and need no explanation."""
 
@@ -65,30 +70,51 @@ EDGE: Final = 1.4
 def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) -> NoiseModel:
     """Draws (D, N) of what noise alone leaves at `vector`: of lean, wheel and steer through the twin, and
     the IMU's own."""
+    louder = {id(twin): _loudness(twin) for twin in problem.twins}
+
+    def error(twin: RideTwin, signal: str, values: Array) -> Array:
+        return louder[id(twin)][signal] * _noise(rng, len(values), *noise_of(signal, twin.rig))
+
     values = problem.values(vector)
-    louder = [_loudness(twin) for twin in problem.twins]
-    drawn = np.empty((DRAWS, problem.size))
-    for d in range(DRAWS):
-        parts = []
-        for twin, share in zip(problem.twins, louder, strict=True):
-            ride = twin.recorded
-            clean = twin.filtered(ride.angles)
-            noisy = clean.copy()
-            for k, s in enumerate(SIGNALS):
-                noisy[:, k] += share[s] * _noise(rng, len(noisy), *noise_of(s, twin.rig))
-            with_noise = twin.answer(values, noisy)
-            without = twin.answer(values, clean)
-            for s in twin.signals:
-                off = without[s] - with_noise[s]
-                if s == LEAN_TORQUE:
-                    off = off + twin.filtered(_sway(rng, len(noisy), ride.dt_s))[twin.judged]
-                else:
-                    stamps = ride.imu[s][0]
-                    own = share[s] * _noise(rng, len(stamps), *noise_of(s, twin.rig))
-                    on_grid = np.asarray(np.interp(ride.t_s, stamps, own))
-                    off = off + twin.filtered(on_grid)[twin.judged]
-                parts.append(off)
-        drawn[d] = np.concatenate(parts)
+    drawn = np.array([carried(problem, values, error) for _ in range(DRAWS)])
+    for row in drawn:
+        for x in problem.series:
+            if x.signal == LEAN_TORQUE:
+                twin = problem.twins[x.stretch]
+                count = len(twin.recorded.angles)
+                sway = twin.filtered(_sway(rng, count, twin.recorded.dt_s))
+                row[x.part] += sway[twin.judged]
+    text = (
+        "noise model: noise and rounding of lean, wheel and steer through the ride's equations, and the "
+        f"IMU's own, all through the ride's low-pass; {DRAWS} draws; as large as the records show it between "
+        f"{QUIET_HZ[0]:g} and {QUIET_HZ[1]:g} Hz, where no rider moves: {_said(louder.values())} of the rig "
+        "file's"
+    )
+    return of_draws(problem, drawn, text)
+
+
+def carried(problem: RideProblem, values: Mapping[str, float], error: Error) -> Array:
+    """(N,) what errors of lean, wheel and steer leave through the twin, and those of the IMU."""
+    parts = []
+    for twin in problem.twins:
+        ride = twin.recorded
+        clean = twin.filtered(ride.angles)
+        off = [error(twin, s, clean[:, k]) for k, s in enumerate(SIGNALS)]
+        right, wrong = twin.answer(values, clean), twin.answer(values, clean + np.column_stack(off))
+        for s in twin.signals:
+            left = right[s] - wrong[s]
+            if s != LEAN_TORQUE:
+                stamps, told = ride.imu[s]
+                dt_s = float(np.median(np.diff(stamps)))
+                smooth = low_pass(told[:, None], dt_s, twin.rig.conditioning.cutoff)[:, 0]
+                on_grid = np.asarray(np.interp(ride.t_s, stamps, error(twin, s, smooth)))
+                left = left + twin.filtered(on_grid)[twin.judged]
+            parts.append(left)
+    return np.concatenate(parts)
+
+
+def of_draws(problem: RideProblem, drawn: Array, text: str) -> NoiseModel:
+    """The floor that draws (D, N) make."""
     sigma = _level(drawn, problem)
     terms, gains = [], []
     for x in problem.series:
@@ -96,11 +122,6 @@ def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) ->
         ar, gain = autoregression(np.clip(rows, -4.0, 4.0))
         terms.append(ar)
         gains.append(gain)
-    text = (
-        "noise model: noise and rounding of lean, wheel and steer through the ride's equations, and the "
-        f"IMU's own, all through the ride's low-pass; {DRAWS} draws; as large as the records show it between "
-        f"{QUIET_HZ[0]:g} and {QUIET_HZ[1]:g} Hz, where no rider moves: {_said(louder)} of the rig file's"
-    )
     tame = np.clip(drawn, -SPIKE * sigma, SPIKE * sigma)
     return NoiseModel("model", text, tame, sigma, tuple(terms), tuple(gains))
 
@@ -154,8 +175,9 @@ def with_tolerances(evidence: Evidence, sd: Array, rng: np.random.Generator) -> 
         seed = int(rng.integers(2**31))
         parts = []
         for twin in problem.twins:
-            built = replace(twin, bicycle=_built(twin.bicycle, np.random.default_rng(seed)))
-            right, wrong = twin.answer(values), built.answer(told)
+            own = np.random.default_rng(seed)
+            built = replace(twin, bicycle=_built(twin.bicycle, own))
+            right, wrong = twin.answer(values), built.answer(told, _slipped(twin, values, own))
             parts += [EDGE * (wrong[s] - right[s]) for s in twin.signals]
         off[d] = np.concatenate(parts)
     off = np.where(np.isfinite(off), off, 0.0)
@@ -178,6 +200,13 @@ def _built(nominal: Packed, rng: np.random.Generator) -> Packed:
     extra[1] *= 1.0 + 10.0 * MASS * rng.standard_normal()
     extra[2:] += PLACE_M * rng.standard_normal(3)
     return Packed(p, body, extra, nominal.sensor, nominal.encoder_on_frame)
+
+
+def _slipped(twin: RideTwin, values: Mapping[str, float], rng: np.random.Generator) -> Array:
+    """(N, 3) the ride's angles, steered by what its tyres, fork and frame give way in its curves."""
+    motion, out = twin.motion(values), twin.recorded.angles.copy()
+    out[:, 2] += SLIP * rng.standard_normal() * motion.speed * motion.qd[:, 2]
+    return out
 
 
 def _mounted(values: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:
@@ -237,7 +266,7 @@ def _sway(rng: np.random.Generator, count: int, dt_s: float) -> Array:
     return np.asarray(SWAY * noise / np.sqrt(np.sum(window**2)))
 
 
-def _said(louder: list[dict[str, float]]) -> str:
+def _said(louder: Iterable[Mapping[str, float]]) -> str:
     """The range of loudness, in words."""
     shares = [x for one in louder for x in one.values()]
     return f"{min(shares):.2f} to {max(shares):.2f} times"

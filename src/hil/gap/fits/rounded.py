@@ -23,7 +23,7 @@ def rounded(c: Calibrated, fits: Sequence[Fit], steps: Mapping[str, float]) -> l
         Leaf(EFFECT, signal, (name,), (Start({}, ({name: step},)),), None)
         for (signal, step), name in zip(steps.items(), names, strict=True)
     )
-    count = sum(int(c.train[x.part].sum()) for x in c.problem.series if x.signal in steps)
+    count = sum(_values_of(c, signal) for signal in steps)
     index = [c.problem.table.index(n) for n in names]
     values = np.array(list(steps.values()))
     out = [fits[0]]
@@ -38,3 +38,10 @@ def rounded(c: Calibrated, fits: Sequence[Fit], steps: Mapping[str, float]) -> l
             )
         )  # fmt: skip
     return out
+
+
+def _values_of(c: Calibrated, signal: str) -> int:
+    """Values of a signal that fits see; of one that drives the twin of a ride, as many as of another."""
+    counts = [(x.signal, int(c.train[x.part].sum())) for x in c.problem.series]
+    own = sum(count for s, count in counts if s == signal)
+    return own or max(count for _, count in counts)

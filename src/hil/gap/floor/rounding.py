@@ -24,6 +24,8 @@ COARSER: Final = 1.8
 ON_GRID: Final = 0.99
 OFF: Final = 0.03
 """Of a step, that a value may lie beside the grid."""
+FINER: Final = 0.3
+"""Of a step, up to which another grid is a finer one."""
 RETURNS: Final = 6
 """Changes between two levels from which on they are steps: a sensor that dies changes once."""
 
@@ -37,14 +39,20 @@ def coarse_steps(problem: Problem) -> dict[str, float]:
         )
         quantity = signal.partition(".")[2].partition("_")[0]
         spread, own = sensor_noise(problem.rig, quantity)
-        step = step_of(values)
-        if step is not None and step > COARSER * own and step > spread:
+        step = step_of(values, own)
+        if step is not None and is_coarse(step, spread, own):
             out[signal] = step
     return out
 
 
-def step_of(values: Array) -> float | None:
-    """The step of a grid on which nearly all values lie, None where there is none."""
+def is_coarse(step: float, spread: float, own: float) -> bool:
+    """Whether a step is neither the rig file's `own` nor lost in noise of this `spread`."""
+    return step > COARSER * own and step > spread
+
+
+def step_of(values: Array, own: float = 0.0) -> float | None:
+    """The step of a grid on which nearly all values lie, None where there is none. `own`: step of a finer
+    grid that each of them may have been brought to besides."""
     levels = np.unique(values)
     if len(levels) == 2:
         return _of_two(values, levels)
@@ -55,12 +63,13 @@ def step_of(values: Array) -> float | None:
     if not len(gaps):
         return None
     step = float(np.quantile(gaps, 0.02))
-    close = gaps[np.abs(gaps / step - np.round(gaps / step)) < 0.1]
+    aside = own / step if own < FINER * step else 0.0
+    close = gaps[np.abs(gaps / step - np.round(gaps / step)) < 0.1 + aside]
     if len(close) < 0.9 * len(gaps):
         return None
     step = float(np.sum(close) / np.sum(np.round(close / step)))
     place = (values - levels[0]) / step
-    on_grid = np.abs(place - np.round(place)) < OFF
+    on_grid = np.abs(place - np.round(place)) < OFF + aside
     return step if float(on_grid.mean()) > ON_GRID else None
 
 
