@@ -6,5 +6,5 @@ fork as a plane model on an uneven floor, sensors as they are bought, fourteen f
 catalogue.
 
     python -m benchmarks.other_rides OUT --seed 1 --count 60
-    python -m benchmarks.other_rides.check      # a perfect bicycle against `hil`'s model; exit status 1 if not
+    python -m benchmarks.other_rides.check      # a perfect bicycle against `hil`'s model
 """

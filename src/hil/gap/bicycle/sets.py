@@ -17,7 +17,7 @@ from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.shares import above_noise
 from hil.gap.fits.starts import changes_of, relative
 from hil.gap.record.leaf import Leaf
-from hil.gap.search.candidates import FIRST, SINGLES, promising
+from hil.gap.search.candidates import FIRST, SINGLES, alone_again, promising
 from hil.gap.search.joint import adds
 from hil.gap.search.linear import Proposal, Search
 
@@ -36,6 +36,12 @@ DISTANCE: Final = (
     "rear_wheel.wheel_radius", "rear_wheel.wheel_slip", "rear_wheel.sensor_scale"
 )  # fmt: skip
 """All scale the way that is ridden: where one is weighed, all are."""
+SPRUNG: Final = {
+    "bicycle.front_suspension": ("bicycle.tyre_compliance", 2.0),
+    "bicycle.tyre_compliance": ("bicycle.front_suspension", 0.5),
+}
+"""Two tyres pitch a bicycle as a fork of half their stiffness does: each is begun where the other ends, for
+the linear picture of stiff springs tells little of soft ones."""
 ADDS: Final = 0.5
 """Of what the others leave, the least that an effect of a whole set explains: less is how laws differ."""
 
@@ -64,7 +70,8 @@ def fit_sets(
                     grown.append(joint)
     for f in _exchanged(c, alone, list(tried.values()), say):
         tried.setdefault(_key(f), f)
-    return [none, *(f for f in tried.values() if adds(c, list(tried.values()), f, ADDS))]
+    fits = alone_again(c, list(tried.values()), say)
+    return [none, *(f for f in fits if adds(c, fits, f, ADDS))]
 
 
 def _singles(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
@@ -81,6 +88,29 @@ def _singles(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report)
             continue
         say(f"fitting {leaf.name} ({k + 1})")
         found = fit(c, [leaf], start, p.z)
+        if found is not None:
+            out.append(found)
+    for f in _sprung(c, out, leaves, say):
+        same = [x for x in out if x.leaves == f.leaves]
+        if all(f.total(c) < x.total(c) for x in same):
+            out = [*(x for x in out if x not in same), f]
+    return out
+
+
+def _sprung(c: Calibrated, alone: Sequence[Fit], leaves: Sequence[Leaf], say: Report) -> list[Fit]:
+    """Tyres in the place of a fork, and the other way round."""
+    by_name, out = {leaf.name: leaf for leaf in leaves}, []
+    for f in alone:
+        mine = f.leaves[0].name
+        other, times = SPRUNG.get(mine, ("", 1.0))
+        if other not in by_name:
+            continue
+        say(f"fitting {other} in place of {mine}")
+        start = {
+            n.replace(mine, other): times * v
+            for n, v in zip(f.names, f.values.tolist(), strict=True)
+        }
+        found = fit(c, [by_name[other]], start, f.z)
         if found is not None:
             out.append(found)
     return out

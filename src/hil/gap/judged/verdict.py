@@ -200,6 +200,9 @@ def judge(
         return "identified", f"The gap comes from {names}.{far}"
     others = [x for x in causes if x not in chosen and x.probability > 0.05]
     rest = ", ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in others[:3])
+    if not others:
+        least = min(chosen, key=lambda x: x.probability)
+        rest = f"that {least.effect.replace('_', ' ')} is not there"
     return "ambiguous", (
         f"The gap comes most likely from {names}; these data cannot rule out {rest}.{far}"
     )

@@ -57,7 +57,7 @@ def fit_candidates(
     fits = [none, *_single_fits(c, none, search, leaves, without, say)]
     fits = [none, *ended(c, none, [f for f in fits[1:] if is_itself(c, f)], say)]
     fits += joint_fits(c, fits, search, leaves, without, say)
-    fits = _alone_again(c, fits, say)
+    fits = alone_again(c, fits, say)
     if len(min(fits, key=lambda f: f.total(c)).leaves) > 1:
         fits = [none, *ended(c, none, fits[1:], say)]
     fits += _peaked_fits(c, fits, leaves, say)
@@ -96,7 +96,7 @@ def _single_fits(
     return out
 
 
-def _alone_again(c: Calibrated, fits: Sequence[Fit], say: Report) -> list[Fit]:
+def alone_again(c: Calibrated, fits: Sequence[Fit], say: Report) -> list[Fit]:
     """`fits`, each effect of the best set alone once more, begun where the set put it and the nuisances: what
     a second effect has helped out of a trap needs no second effect."""
     best = min(fits, key=lambda f: f.total(c) + f.extra_cost)
