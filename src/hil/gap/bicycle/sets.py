@@ -70,7 +70,7 @@ def fit_sets(
                     grown.append(joint)
     for f in _exchanged(c, alone, list(tried.values()), say):
         tried.setdefault(_key(f), f)
-    fits = alone_again(c, list(tried.values()), say)
+    fits = alone_again(c, [none, *tried.values()], say)[1:]
     return [none, *(f for f in fits if adds(c, fits, f, ADDS))]
 
 
