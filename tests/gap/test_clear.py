@@ -21,9 +21,9 @@ def weighed(nats: float, *names: str, prior: float = 0.0) -> Weighed:
 def found(monkeypatch):
     """What is clear of some, each a trace of so many floors; `seen` on unseen data, (before, shrink)."""
 
-    def ask(some, trace, seen=(1.0, None), is_large=False, further=True):
+    def ask(some, trace, seen=(1.0, None), is_large=False, further=True, share=0.5):
         monkeypatch.setattr(module, "traces", lambda c, none, f: {"axis.force": trace})
-        monkeypatch.setattr(module, "explained", lambda *a, **k: 0.5)
+        monkeypatch.setattr(module, "explained", lambda *a, **k: share)
         monkeypatch.setattr(module, "goes_further", lambda *a, **k: further)
         c = SimpleNamespace(problem=SimpleNamespace(discount=20.0))
         none = SimpleNamespace(leaves=(), prior_cost=0.0)
@@ -47,6 +47,15 @@ def test_what_nuisances_swallowed_all_but_a_trace_is_found_by_its_evidence(found
     turned = [weighed(25.0, "sensor_misalignment")]
     assert found(turned, 0.2) == [("sensor_misalignment",)]
     assert found([weighed(15.0, "sensor_misalignment")], 0.2) == []
+
+
+def test_what_always_acts_may_be_small_where_it_explains_nearly_all(found):
+    soft = [weighed(57.0, "compliance")]
+    assert found(soft, 0.65, share=0.92) == [("compliance",)]
+    assert found(soft, 0.65, share=0.7) == []
+    assert found(soft, 0.55, share=0.92) == []
+    assert found([weighed(95.0, "compliance")], 0.65, share=0.7) == [("compliance",)]
+    assert found([weighed(40.0, "compliance")], 0.65, share=0.92) == []
 
 
 def test_a_set_must_be_clear_beside_what_is_simpler_and_as_good(found):
