@@ -60,7 +60,7 @@ SCALE: Final = 0.002
 """Of a sensor's scale, as data sheets of calibrated ones have it [R]."""
 LATE_S: Final = 0.001
 """Of lean, wheel and steer against each other: a tenth of a sample [R]."""
-SLIP: Final = 6e-4
+SLIP: Final = 4e-4
 """rad for each m/s² across, of a hard tyre's slip and of what fork and frame give way [R]: what is steered
 is not where the wheels roll."""
 EDGE: Final = 1.4
