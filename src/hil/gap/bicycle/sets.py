@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
+from hil.gap.catalogue.nuisances import LIMIT
 from hil.gap.fits.fit import fit
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.shares import above_noise
@@ -80,6 +81,9 @@ def _singles(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report)
     some = able[:SINGLES] or ranked[:FIRST]
     if any(leaves[p.leaves[0]].name in DISTANCE for p in some):
         some += [p for p in able[SINGLES:] if leaves[p.leaves[0]].name in DISTANCE]
+    some += [
+        p for p in ranked if all(p is not x for x in some) and _is_pulled(c, leaves[p.leaves[0]])
+    ]
     out = []
     for k, p in enumerate(some):
         leaf = leaves[p.leaves[0]]
@@ -95,6 +99,14 @@ def _singles(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report)
         if all(f.total(c) < x.total(c) for x in same):
             out = [*(x for x in out if x not in same), f]
     return out
+
+
+def _is_pulled(c: Calibrated, leaf: Leaf) -> bool:
+    """Whether a nuisance that is a parameter of `leaf` stands at its bound: little is left of what pulls."""
+    return any(
+        n.name in leaf.parameters and abs(z) > LIMIT - 1e-3
+        for n, z in zip(c.nuisances, c.z.tolist(), strict=True)
+    )
 
 
 def _sprung(c: Calibrated, alone: Sequence[Fit], leaves: Sequence[Leaf], say: Report) -> list[Fit]:
