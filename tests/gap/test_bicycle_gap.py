@@ -51,9 +51,12 @@ def test_a_healthy_ride_has_no_gap(healthy):
         assert 0.7 < s.ratio < 1.4, s
 
 
-@pytest.mark.parametrize(("signal", "step"), [("imu.gyro_x", 0.1), ("steer", 0.016)])
+@pytest.mark.parametrize(
+    ("signal", "step"), [("imu.gyro_x", 0.1), ("steer", 0.016), ("rear_wheel", 0.075)]
+)
 def test_coarse_steps_of_a_signal_are_read_from_its_values(signal, step):
-    """The steer's are brought to the encoder's own steps besides, which are a sixth of those."""
+    """The steer's are brought to the encoder's own steps besides, which are a sixth of those; a wheel that
+    rolls stands nowhere twice."""
     run = ridden(short(), 23, ("sensor_quantisation", signal, {"step": step}))
     found = diagnose_rides([run], NOMINAL)
     assert found.verdict == "identified"

@@ -42,11 +42,15 @@ TWINS: Final = {
     "bicycle.front_suspension": (0.25, "an IMU whose bracket bends"),
     "bicycle.tyre_compliance": (0.15, "an IMU whose bracket bends"),
     "steer.sensor_scale": (0.3, "tyres that slip sideways"),
+    "imu.accel_x.sensor_scale": (0.25, "an IMU whose bracket bends"),
+    "imu.accel_y.sensor_scale": (0.25, "an IMU whose bracket bends"),
+    "lean.sensor_scale": (0.25, "an inclinometer that swings out in curves"),
 }
 """The same of effects that something outside the catalogue looks like on any ride, and what that is: a
-bracket that bends pitches the IMU when the fork would dive, and tyres that slip sideways turn a bicycle as a
-scale of its steer angle does [set on used-up exams, where about half of these that were named were not there,
-most of them for such a thing]."""
+bracket that bends pitches the IMU when the fork would dive and turns gravity into its axes in proportion to
+what they feel, tyres that slip sideways turn a bicycle as a scale of its steer angle does, and an
+inclinometer that feels curves tells less of the lean that they need [set on used-up exams and rides of
+another world: about half of these that were named were not there, most of them for such a thing]."""
 LARGE: Final = 3.0
 """Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
 HOLDS: Final = 0.05

@@ -56,7 +56,7 @@ def step_of(values: Array, own: float = 0.0) -> float | None:
     levels = np.unique(values)
     if len(levels) == 2:
         return _of_two(values, levels)
-    if len(levels) < 3 or len(levels) > 0.8 * len(values):
+    if len(levels) < 3:
         return None
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1e-9 * max(float(np.ptp(levels)), 1e-12)]
