@@ -9,7 +9,7 @@ from benchmarks.third_lab.case import make
 
 from hil.configfile import load_rig
 from hil.exam.case import load_case, read_answer, seal, seals_of
-from hil.gap import diagnose
+from hil.gap import locate
 
 AXIS = load_rig("axis")
 HEALTHY = 2
@@ -38,7 +38,7 @@ def test_a_case_is_the_same_each_time(made):
         pd.testing.assert_frame_equal(record.reset_index(drop=True), written)
 
 
-def test_a_healthy_rig_of_a_third_world_has_no_gap(made):
+def test_no_signal_of_a_healthy_rig_of_a_third_world_stands_above_its_floor(made):
     out, name = made
     case = load_case(out / "cases" / name)
-    assert diagnose(case.runs, case.rig, references=case.references).verdict == "no_gap"
+    assert max(s.ratio for s in locate(case.runs, case.rig).signals) < 1.3
