@@ -60,7 +60,7 @@ def their_ride(rig: BicycleFile, truth: Truth, **options: object) -> Motion:
     """`hil`'s ride of the same coordinates, by the rig file's model or the one in `bicycle`."""
     angles = np.column_stack([truth.lean, truth.wheel, truth.steer])
     told = smooth(angles - [0.0, angles[0, 1], 0.0], FINE_S, None)
-    return theirs(options.pop("bicycle", pack(rig)), told, **options)  # type: ignore[arg-type]
+    return theirs(options.pop("bicycle", pack(rig)), told, **options)
 
 
 def agreement(rig: BicycleFile, mine: Array, other: Array) -> float:

@@ -103,13 +103,13 @@ def _plane(rig: BicycleFile) -> tuple[Array, Array, Array, Array, Array]:
 
 
 @numba.njit(cache=True)
-def _progressive(x, progress):  # type: ignore[no-untyped-def]
+def _progressive(x, progress):
     """Deflection as the spring feels it: slope 1 at rest, more in compression, less (never none) beyond."""
     return x * (1.0 + progress * x) if x > 0.0 else x / (1.0 - progress * x)
 
 
 @numba.njit(cache=True)
-def _moved(mass, topple, load, heights, slopes, tyre, fork, dt):  # type: ignore[no-untyped-def]
+def _moved(mass, topple, load, heights, slopes, tyre, fork, dt):
     """Heights of the wheel centres and travel, (3, N): average acceleration, stiff parts implicit."""
     count = load.shape[1]
     effective = mass - 0.25 * dt * dt * topple

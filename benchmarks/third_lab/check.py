@@ -114,7 +114,7 @@ def _line(ideal: Plant, trace: Trace) -> str:
     keep = slice(40, -80)
     seen = savgol_filter(trace.force, 61, 4, axis=1)[:, ::STEP]
     f = np.sqrt(np.mean((seen - force)[:, keep] ** 2, axis=1)) / noise.force
-    late = round(np.sqrt(2.0) / (2.0 * np.pi * ideal.rig.imu.bandwidth) / trace.dt)  # type: ignore[union-attr]
+    late = round(np.sqrt(2.0) / (2.0 * np.pi * ideal.rig.imu.bandwidth) / trace.dt)
     felt = savgol_filter(np.roll(trace.imu, -late, axis=1), 61, 4, axis=1)[:, ::STEP]
     g = np.sqrt(np.mean((felt - imu)[:, keep] ** 2, axis=1))
     ticks = np.arange(trace.position.shape[1]) * trace.dt

@@ -94,5 +94,5 @@ def aged(plant: Plant, sensing: Sensing, rng: np.random.Generator) -> tuple[Plan
 def _ripple_period(transmission: object, rng: np.random.Generator) -> float:
     lead = getattr(transmission, "lead", None)
     if lead is None and hasattr(transmission, "pinion_radius"):
-        lead = 2.0 * np.pi * transmission.pinion_radius / transmission.gear  # type: ignore[attr-defined]
+        lead = 2.0 * np.pi * transmission.pinion_radius / transmission.gear
     return float(lead or 0.01) / float(rng.choice([1.0, 2.0, 3.0]))

@@ -26,7 +26,7 @@ def backlash(s: Setting) -> Effect:
 def compliance(s: Setting) -> Effect:
     """A softer transmission; the encoder sits on the motor. `size` is 1 / stiffness, m/N."""
     a = s.actuator()
-    mass, zeta = s.nominal(a).effective_mass, s.rng.uniform(0.02, 0.08)  # type: ignore[attr-defined]
+    mass, zeta = s.nominal(a).effective_mass, s.rng.uniform(0.02, 0.08)
 
     def damping(x: float) -> float:
         return float(2.0 * zeta * np.sqrt(mass / x))
@@ -44,7 +44,7 @@ def compliance(s: Setting) -> Effect:
 def actuator_inertia(s: Setting) -> Effect:
     """More mass on the motor's shaft."""
     a = s.actuator()
-    moved = s.nominal(a).effective_mass  # type: ignore[attr-defined]
+    moved = s.nominal(a).effective_mass
     return Effect(
         "actuator_inertia",
         a,
@@ -133,14 +133,14 @@ def loop_gain(s: Setting) -> Effect:
 
     def change(x: float, p: object) -> object:
         g = gains(x)
-        return p.scale(a, position_gain=g[0], speed_gain=g[1], integral_gain=g[2])  # type: ignore[attr-defined]
+        return p.scale(a, position_gain=g[0], speed_gain=g[1], integral_gain=g[2])
 
     return Effect(
         "loop_gain",
         a,
         0.05,
         0.7,
-        on_plant(change),  # type: ignore[arg-type]
+        on_plant(change),
         lambda x: dict(zip(("position", "speed", "integral"), map(float, gains(x)), strict=True)),
     )
 

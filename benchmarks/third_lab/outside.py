@@ -17,10 +17,10 @@ def warming_friction(s: Setting) -> Effect:
     thick = s.rng.random() < 0.5
 
     def change(x: float, p: object) -> object:
-        base = p.scale(a, coulomb_pos=1 + x, coulomb_neg=1 + x, viscous=1 + x) if thick else p  # type: ignore[attr-defined]
+        base = p.scale(a, coulomb_pos=1 + x, coulomb_neg=1 + x, viscous=1 + x) if thick else p
         return base.set(a, warm=-x / (1 + x) if thick else x, warm_tau=tau)
 
-    return _fault(warming_friction, a, 0.3, 15.0, on_plant(change))  # type: ignore[arg-type]
+    return _fault(warming_friction, a, 0.3, 15.0, on_plant(change))
 
 
 def friction_spot(s: Setting) -> Effect:
@@ -73,12 +73,12 @@ def loose_base(s: Setting) -> Effect:
     k = 0 if s.ideal.rig.kind == "axis_1dof" else int(s.rng.integers(2))
 
     def change(x: float, p: object) -> object:
-        floor = p.floor.copy()  # type: ignore[attr-defined]
+        floor = p.floor.copy()
         floor[1, k] /= x
         floor[2, k] /= np.sqrt(x)
-        return replace(p, floor=floor)  # type: ignore[type-var]
+        return replace(p, floor=floor)
 
-    return _fault(loose_base, "xy"[k], 12.0, 300.0, on_plant(change))  # type: ignore[arg-type]
+    return _fault(loose_base, "xy"[k], 12.0, 300.0, on_plant(change))
 
 
 def air_drag(s: Setting) -> Effect:
@@ -132,9 +132,9 @@ def sloshing_load(s: Setting) -> Effect:
     def change(x: float, p: object) -> object:
         m = x * own
         k = m * (2 * pi * hz) ** 2
-        return replace(p, slosh=np.array([m, *at, k, 2 * zeta * np.sqrt(k * m)]))  # type: ignore[type-var]
+        return replace(p, slosh=np.array([m, *at, k, 2 * zeta * np.sqrt(k * m)]))
 
-    return _fault(sloshing_load, "platform", 0.01, 0.3, on_plant(change))  # type: ignore[arg-type]
+    return _fault(sloshing_load, "platform", 0.01, 0.3, on_plant(change))
 
 
 def stale_answers(s: Setting) -> Effect:
@@ -153,8 +153,8 @@ def warming_sensor(s: Setting) -> Effect:
 
 
 def _fault(maker: object, location: str, low: float, high: float, apply: object) -> Effect:
-    name = maker.__name__  # type: ignore[attr-defined]
-    return Effect(name, location, low, high, apply, lambda x: {"size": x})  # type: ignore[arg-type]
+    name = maker.__name__
+    return Effect(name, location, low, high, apply, lambda x: {"size": x})
 
 
 MAKERS = (

@@ -115,7 +115,7 @@ def _members(rig: RigFile) -> tuple[np.ndarray, ...]:
 
 def _axis(rig: RigFile) -> tuple[np.ndarray, ...]:
     """A carriage on two rails, half a metre apart, three runners carrying and two guiding; moves along x."""
-    if rig.geometry.load != "horizontal":  # type: ignore[union-attr]
+    if rig.geometry.load != "horizontal":
         raise ValueError("this world's axis lies")
     cabin = np.array(
         [[0, 0, 0], [0.2, 0.25, 0], [-0.2, 0.25, 0], [0, -0.25, 0], [0.2, 0, 0], [-0.2, 0, 0]],
@@ -135,10 +135,10 @@ def _axis(rig: RigFile) -> tuple[np.ndarray, ...]:
 def _motorcycle(rig: RigFile) -> tuple[np.ndarray, ...]:
     """Two legs in planes across y, a slide along y behind; stiff bearings there and where y_m = 0 is kept."""
     g = rig.geometry
-    rear = [-g.l3, 0.0, -g.h3]  # type: ignore[union-attr]
-    cabin = np.array([[0, g.l, 0], [0, -g.l, 0], rear, rear, rear, [0, 0, 0]], float)  # type: ignore[union-attr]
+    rear = [-g.l3, 0.0, -g.h3]
+    cabin = np.array([[0, g.l, 0], [0, -g.l, 0], rear, rear, rear, [0, 0, 0]], float)
     base = np.zeros((6, 3))
-    base[2:5] = [-g.L, 0.0, g.h]  # type: ignore[union-attr]
+    base[2:5] = [-g.L, 0.0, g.h]
     line = np.array([[0, 0, 0], [0, 0, 0], [0, 1, 0], [1, 0, 0], [0, 0, 1], [0, 1, 0]], float)
     kind = np.array([PLANE, PLANE, LINE, LINE, LINE, LINE])
     return kind, np.array([0, 1, 2, -1, -1, -1]), cabin, base, line, _guides(2.0e8)
@@ -147,7 +147,7 @@ def _motorcycle(rig: RigFile) -> tuple[np.ndarray, ...]:
 def _stewart(rig: RigFile) -> tuple[np.ndarray, ...]:
     """Six struts between joints."""
     g = rig.geometry
-    cabin, base = np.array(g.cabin), np.array(g.base)  # type: ignore[union-attr]
+    cabin, base = np.array(g.cabin), np.array(g.base)
     return np.full(6, STRUT), np.arange(6), cabin, base, np.zeros((6, 3)), _guides(0.0)
 
 

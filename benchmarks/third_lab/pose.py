@@ -25,11 +25,11 @@ def platform(kind: str, geometry: object, pose: np.ndarray) -> tuple[np.ndarray,
     if kind == "motorcycle_3dof":
         turned = Rotation.from_euler("ZYX", pose)
         r = turned.as_matrix()
-        x = -g.L + g.l3 * r[:, 0, 0] + g.h3 * r[:, 0, 2]  # type: ignore[attr-defined]
-        z = g.h + g.l3 * r[:, 2, 0] + g.h3 * r[:, 2, 2]  # type: ignore[attr-defined]
+        x = -g.L + g.l3 * r[:, 0, 0] + g.h3 * r[:, 0, 2]
+        z = g.h + g.l3 * r[:, 2, 0] + g.h3 * r[:, 2, 2]
         return np.column_stack([x, np.zeros(k), z]), turned
     turned = Rotation.from_euler("ZYX", pose[:, [5, 4, 3]])
-    return pose[:, :3] + [0.0, 0.0, g.height], turned  # type: ignore[attr-defined]
+    return pose[:, :3] + [0.0, 0.0, g.height], turned
 
 
 def lengths(plant: Plant, origin: np.ndarray, turned: Rotation) -> tuple[np.ndarray, np.ndarray]:

@@ -105,9 +105,9 @@ def reading(
 def _imu(plant: Plant, sensing: Sensing, trace: Trace, at: np.ndarray) -> np.ndarray:
     """The six at `at` with the filter's group delay taken out, in the sensor's frame."""
     imu = plant.rig.imu
-    late = sqrt(2.0) / (2.0 * pi * imu.bandwidth) - imu.delay  # type: ignore[union-attr]
+    late = sqrt(2.0) / (2.0 * pi * imu.bandwidth) - imu.delay
     ticks = np.arange(trace.imu.shape[1]) * trace.dt
     six = np.stack([np.interp(at + late, ticks, row) for row in trace.imu])
-    mounted = Rotation.from_euler("ZYX", imu.orientation[::-1])  # type: ignore[union-attr]
+    mounted = Rotation.from_euler("ZYX", imu.orientation[::-1])
     back = (mounted * Rotation.from_rotvec(sensing.turn)).inv().as_matrix()
     return np.concatenate([back @ six[:3], back @ six[3:]])

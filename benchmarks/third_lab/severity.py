@@ -126,7 +126,7 @@ def _next(
 ) -> float:
     """Where to look next, between (log size, log severity over target) too small and too large."""
     if below is None or above is None:
-        at, reached = below or above  # type: ignore[misc]
+        at, reached = below or above
         return float(np.clip(at - (reached if np.isfinite(reached) else 0.5), low, high))
     if halve or not np.isfinite(above[1]):
         return 0.5 * (below[0] + above[0])

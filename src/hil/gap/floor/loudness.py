@@ -24,8 +24,8 @@ LOUDEST: Final = {"position": 1.4, "velocity": 1.4}
 """The same for sensors of motion, whose steps and noise are known: on healthy rigs they are below 1.3."""
 BY_SENSORS: Final = {"force": (1.5, 0.35), "current": (1.5, 0.35)}
 """The same for what sensors of force alone make, and what is added for each time that timing is larger than
-they are: where all of a record feels time, none of it tells of sensors alone [healthy rigs of three worlds
-stay below]."""
+they are: where all of a record feels time, none of it tells of sensors alone [set on healthy rigs of three
+worlds, which stay below]."""
 LOUDER: Final = 1.1
 """Times all that is left, that its noise may have by the model: weights and chance make that much."""
 COMMON: Final = 0.98
