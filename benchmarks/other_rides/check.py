@@ -36,7 +36,7 @@ from benchmarks.other_rides.travel import Springs
 from hil.bicycle.sensors import misaligned
 from hil.config import BicycleFile
 from hil.configfile import find_rig_file, load_bicycle
-from hil.rigs.bicycle import Motion, pack, smooth
+from hil.rigs.bicycle import Motion, Packed, pack, smooth
 from hil.rigs.bicycle import ride as theirs
 from hil.runs.reader import load_run
 
@@ -56,11 +56,16 @@ PERFECT: Final = Body(
 EXACT: Final = Sensing({s: Channel() for s in ALL}, (0.0, 0.0, 0.0), 0.0)
 
 
-def their_ride(rig: BicycleFile, truth: Truth, **options: object) -> Motion:
-    """`hil`'s ride of the same coordinates, by the rig file's model or the one in `bicycle`."""
+def their_ride(
+    rig: BicycleFile,
+    truth: Truth,
+    bicycle: Packed | None = None,
+    **springs: tuple[float, float, float],
+) -> Motion:
+    """`hil`'s ride of the same coordinates, by the rig file's model or `bicycle`."""
     angles = np.column_stack([truth.lean, truth.wheel, truth.steer])
     told = smooth(angles - [0.0, angles[0, 1], 0.0], FINE_S, None)
-    return theirs(options.pop("bicycle", pack(rig)), told, **options)
+    return theirs(bicycle or pack(rig), told, **springs)
 
 
 def agreement(rig: BicycleFile, mine: Array, other: Array) -> float:
