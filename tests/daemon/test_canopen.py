@@ -82,5 +82,6 @@ def test_our_daemon_rides_a_drive_written_with_durand(bench: Bench) -> None:
     (folder,) = bench.runs.iterdir()
     run = load_run(folder)
     assert foreign.poll() is None
+    foreign.kill()
     assert not [e for e in run.events if e.severity == "fault"]
     assert run.table["axis.position"].max() > 0.005

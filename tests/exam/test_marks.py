@@ -89,6 +89,7 @@ def test_marks_of_a_small_exam_are_those_counted_by_hand(tmp_path: Path) -> None
     assert _value(marked, "outside effects named, p > 0.9") == 0.5
     assert _value(marked, "catalogue effects called unknown") == 0.25
     assert _value(marked, "90 % set holds the truth") == pytest.approx(2.0 / 3.0)
+    assert _value(marked, "what that set itself states") > 0.9
     assert _value(marked, "mean size of the 90 % set") == pytest.approx(4.0 / 3.0)
     table = marked.tables()
     assert table["confusion"]["backlash"] == {"backlash": 2, "hysteresis": 1}
@@ -341,3 +342,4 @@ def test_a_set_may_hold_something_unknown() -> None:
     said = _said("ambiguous", _cause("backlash", p=0.6), _cause("hysteresis", p=0.05))
     paper = Paper("", _answer("identified", BACKLASH), {**said, "unknown_probability": 0.35})
     assert paper.credible() == [("backlash", "axis"), ("unknown", "")]
+    assert paper.credible_probability == pytest.approx(0.95)

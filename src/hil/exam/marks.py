@@ -107,6 +107,10 @@ def _set_coverage(papers: Papers) -> Value:
     return share([p.truth[0] in p.credible() for p in _credible(papers)])
 
 
+def _set_stated(papers: Papers) -> Value:
+    return mean([p.credible_probability for p in _credible(papers)])
+
+
 def _set_size(papers: Papers) -> Value:
     return mean([len(p.credible()) for p in _credible(papers)])
 
@@ -164,6 +168,7 @@ MARKS: Final = (
     Mark("Brier score of the first cause", _brier, unit=""),
     Mark("expected calibration error", _ece, most=0.05, unit=""),
     Mark("90 % set holds the truth", _set_coverage, least=0.87, most=0.93),
+    Mark("what that set itself states", _set_stated),
     Mark("mean size of the 90 % set", _set_size, most=1.6, unit=""),
     Mark("shrink over the oracle's, median", _shrink, least=0.9, unit=""),
     Mark("shrink > 1.05 of the oracle's", _leaks),

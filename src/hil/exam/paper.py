@@ -153,13 +153,21 @@ class Paper:
 
         "Something unknown" is one of them where the diagnosis gives it a probability of its own.
         """
+        return [leaf for leaf, _ in self._credible()]
+
+    @property
+    def credible_probability(self) -> float:
+        """What these causes add up to: more than SET_SHARE, for causes come whole."""
+        return sum(chance for _, chance in self._credible())
+
+    def _credible(self) -> list[tuple[Leaf, float]]:
         chances = [(_leaf(c), float(c.get("probability") or 0.0)) for c in self.causes]
         chances.append((UNKNOWN, float(self.said.get("unknown_probability") or 0.0)))
         out, total = [], 0.0
         for leaf, chance in sorted(chances, key=lambda x: -x[1]):
             if total >= SET_SHARE - 1e-9 or chance <= 0.0:
                 break
-            out.append(leaf)
+            out.append((leaf, chance))
             total += chance
         return out
 
