@@ -78,6 +78,13 @@ def test_three_frames_that_are_lost_in_fast_motion_are_enough():
     assert named(found) == {("lost_frames", "bus")}
 
 
+def test_one_frame_in_eight_that_is_lost_is_counted_where_its_loss_would_show():
+    found = diagnose(with_lost_frames(every=8), AXIS)
+    assert named(found) == {("lost_frames", "bus")}
+    assert value(found, "lost_frames", "setpoints").value == pytest.approx(0.125, rel=0.15)
+    assert found.score.shrink > 0.8
+
+
 def with_lost_frames(*effects, every=40, frames=()):
     """A record whose drive never saw one setpoint in `every`, or those numbered `frames`."""
     asked = record(*effects)

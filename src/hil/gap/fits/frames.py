@@ -28,6 +28,11 @@ REACH: Final = 10
 """Cycles over which a mark is looked for."""
 ODDS: Final = 6.0
 """Nats that a frame's mark must earn: few frames are lost."""
+PASSES: Final = 6
+"""Times at most that marks are looked for, each beside the frames found so far: where one in eight is lost
+their marks lie over each other."""
+SHOWS: Final = 3.0
+"""Times ODDS that a frame's mark must have for its loss to show, whatever noise lies over it."""
 FEWEST: Final = 4
 PLAIN: Final = (2, 60.0)
 """Frames, and nats of their marks, that tell as well: two that are lost as a rig is struck [healthy records
@@ -60,26 +65,18 @@ def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
     problem = c.problem
     if any(p.mode != "position" for p in problem.pieces) or problem.rig.bus.cycle < 2e-3:
         return None
-    lost = _find(c, base)
-    count = sum(len(v) for one in lost for v in one.values())
+    lost, plain = _find(c, base)
+    count = _count(lost)
     if count < PLAIN[0] or _at_once(problem, lost) > AT_ONCE:
         return None
-    frames = sum(len(t) for p in problem.pieces for t, _ in p.setpoints.values())
-    dropped = Problem(
-        problem.rig,
-        [_without(p, one) for p, one in zip(problem.sent, lost, strict=True)],
-        clocks=problem.clocks,
-        settle_s=problem.settle_s,
-    )
-    answer = dropped.answers(base.vector)[0]
-    if not np.all(np.isfinite(answer)):
+    residual = problem.measured - _answers(problem, base, [lost])[0]
+    if not np.all(np.isfinite(residual)):
         return None
-    residual = problem.measured - answer
     white = c.noise.whiten(problem, residual)
     if count < FEWEST and base.cost(c.train) - float(np.sum(loss(white[c.train]))) < PLAIN[1]:
         return None
     vector = np.array(base.vector)
-    share, missing = count / frames, lost_answers(problem)
+    (share, frames), missing = _share(problem, lost, plain), lost_answers(problem)
     vector[problem.table.index(SETPOINTS)] = share
     leaf = Leaf(EFFECT, "bus", (SETPOINTS, ANSWERS), (Start({}, ()),), None)
     sd = np.array([np.sqrt(share / frames), np.sqrt(max(missing, 1e-4) / frames)])
@@ -91,39 +88,112 @@ def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
     )  # fmt: skip
 
 
-def _find(c: Calibrated, base: Fit) -> list[Lost]:
+def _find(c: Calibrated, base: Fit) -> tuple[list[Lost], list[Lost]]:
+    """Lost frames of each stretch and drive, and all whose loss would show: those whose marks the record has,
+    then those that it has beside them, as long as the frames turned are worth it."""
+    problem, white = c.problem, base.white
+    lost: list[Lost] = [
+        {a: np.empty(0, dtype=np.int64) for a in p.setpoints} for p in problem.pieces
+    ]
+    turned, plain = _worth_turning(c, base, lost, white)
+    for _ in range(PASSES):
+        if not _count(turned):
+            break
+        further = [
+            {a: np.setxor1d(k, now[a]) for a, k in one.items()}
+            for one, now in zip(turned, lost, strict=True)
+        ]
+        left = c.noise.whiten(problem, problem.measured - _answers(problem, base, [further])[0])
+        gain = float(np.sum(loss(white)) - np.sum(loss(left)))
+        if not gain > ODDS * (_count(further) - _count(lost)):
+            break
+        lost, white = further, left
+        if _count(lost) < FEWEST:
+            break
+        turned, _ = _worth_turning(c, base, lost, white)
+    return lost, plain
+
+
+def _worth_turning(
+    c: Calibrated, base: Fit, lost: Sequence[Lost], white: Array
+) -> tuple[list[Lost], list[Lost]]:
+    """Frames that the record would rather have lost, or arrived if they stand in `lost`; and those whose
+    turn could not be overlooked."""
     problem = c.problem
-    now = problem.measured - base.residual
-    jobs = []
-    for first in range(EVERY):
-        for p in problem.pieces:
-            every = {a: np.arange(first, len(t), EVERY) for a, (t, _) in p.setpoints.items()}
-            jobs.append((problem.job(_without(p, every)), base.vector))
-    flat = run_all(jobs)
+    combed = [
+        [
+            {
+                a: np.setxor1d(np.arange(first, len(t), EVERY), one[a])
+                for a, (t, _) in p.setpoints.items()
+            }
+            for p, one in zip(problem.pieces, lost, strict=True)
+        ]
+        for first in range(EVERY)
+    ]
+    now, *others = _answers(problem, base, [list(lost), *combed])
+    gains = [{a: np.zeros(len(t)) for a, (t, _) in p.setpoints.items()} for p in problem.pieces]
+    sizes = [{a: np.zeros(len(t)) for a, (t, _) in p.setpoints.items()} for p in problem.pieces]
+    for first, answer in enumerate(others):
+        mark = c.noise.whiten(problem, np.where(np.isfinite(answer), answer - now, 0.0))
+        gain = loss(white) - loss(white - mark)
+        gain[np.abs(mark) < 0.02] = 0.0
+        size = loss(mark)
+        for x in problem.series:
+            if x.actuator == "imu":
+                continue
+            sent = problem.pieces[x.stretch].setpoints[x.actuator][0][first::EVERY]
+            t = problem.t_s[x.part]
+            k = np.searchsorted(sent, t, side="right") - 1
+            ok = (k >= 0) & problem.kept[x.part]
+            ok &= t < sent[np.maximum(k, 0)] + REACH * problem.rig.bus.cycle
+            for nats, of_each in ((gains, gain), (sizes, size)):
+                total = np.bincount(k[ok], of_each[x.part][ok], minlength=len(sent))
+                nats[x.stretch][x.actuator][first::EVERY] += total
+    turned = [
+        {a: _peaks(g, one[a]) for a, g in nats.items()}
+        for nats, one in zip(gains, lost, strict=True)
+    ]
+    plain = [{a: np.flatnonzero(g > SHOWS * ODDS) for a, g in nats.items()} for nats in sizes]
+    return turned, plain
+
+
+def _share(problem: Problem, lost: Sequence[Lost], plain: Sequence[Lost]) -> tuple[float, int]:
+    """Share of the frames that were lost, and of how many: of those whose loss shows, else of all."""
+    found = sum(
+        len(np.intersect1d(one[a], k))
+        for one, two in zip(lost, plain, strict=True)
+        for a, k in two.items()
+    )
+    if found:
+        return found / _count(plain), _count(plain)
+    frames = sum(len(t) for p in problem.pieces for t, _ in p.setpoints.values())
+    return _count(lost) / frames, frames
+
+
+def _peaks(gain: Array, lost: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Of neighbours only the best: the mark of one frame looks a little like the next one's."""
+    worth = gain - ODDS
+    worth[lost] = gain[lost] + ODDS
+    return np.flatnonzero(
+        (worth > 0.0) & (worth >= np.roll(worth, 1)) & (worth > np.roll(worth, -1))
+    )
+
+
+def _answers(problem: Problem, base: Fit, many: Sequence[Sequence[Lost]]) -> list[Array]:
+    """The twin's samples where these frames never arrived, for each of `many`."""
+    flat = run_all(
+        [
+            (problem.job(_without(p, one)), base.vector)
+            for lost in many
+            for p, one in zip(problem.pieces, lost, strict=True)
+        ]
+    )
     per = len(problem.pieces)
-    out: list[Lost] = [{} for _ in problem.pieces]
-    for a in problem.rig.actuator_names:
-        gains = [np.zeros(len(p.setpoints[a][0])) for p in problem.pieces]
-        for first in range(EVERY):
-            answer = np.concatenate(flat[first * per : (first + 1) * per])
-            mark = c.noise.whiten(problem, np.where(np.isfinite(answer), answer - now, 0.0))
-            gain = loss(base.white) - loss(base.white - mark)
-            gain[np.abs(mark) < 0.02] = 0.0
-            for x in problem.series:
-                if x.actuator != a:
-                    continue
-                sent = problem.pieces[x.stretch].setpoints[a][0][first::EVERY]
-                t = problem.t_s[x.part]
-                k = np.searchsorted(sent, t, side="right") - 1
-                ok = (k >= 0) & problem.kept[x.part]
-                ok &= t < sent[np.maximum(k, 0)] + REACH * problem.rig.bus.cycle
-                total = np.bincount(k[ok], gain[x.part][ok], minlength=len(sent))
-                gains[x.stretch][first::EVERY] += total
-        for s, g in enumerate(gains):
-            # of neighbours only the best: the mark of one frame looks a little like the next one's
-            best = (g > ODDS) & (g >= np.roll(g, 1)) & (g > np.roll(g, -1))
-            out[s][a] = np.flatnonzero(best)
-    return out
+    return [np.concatenate(flat[k * per : (k + 1) * per]) for k in range(len(many))]
+
+
+def _count(lost: Sequence[Lost]) -> int:
+    return sum(len(k) for one in lost for k in one.values())
 
 
 def _at_once(problem: Problem, lost: Sequence[Lost]) -> float:
