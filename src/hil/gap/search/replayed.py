@@ -47,24 +47,42 @@ def suspects(
 ) -> list[Leaf]:
     """The springs, gaps and limits among `leaves` where most is left without effects, worst first; before all
     others those of actuators that are `held` off."""
-    left = c.noise.weighted_rms(c.problem, none.residual)
-    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    over = _over(c, none.residual)
     worst: dict[str, float] = {}
     for x in c.problem.series:
-        if floors[x.signal] > 0.0:
-            ratio = left[x.signal] / floors[x.signal]
-            worst[x.actuator] = max(worst.get(x.actuator, 0.0), ratio)
+        worst[x.actuator] = max(worst.get(x.actuator, 0.0), over[x.signal])
     ranked = sorted(leaves, key=lambda x: (x.location not in held, -worst.get(x.location, 0.0)))
-    shaken = worst.get("imu", 0.0)  # by whichever actuator's spring
+    shaken = worst.get("imu", 0.0)  # by whichever actuator
     springs = [
         x
         for x in ranked
         if is_swinging(x.parameters) and max(worst.get(x.location, 0.0), shaken) > STANDS
     ]
-    hit = [x for x in ranked if x.location in held or worst.get(x.location, 0.0) > KNOCKS]
+    hit = [
+        x for x in ranked if x.location in held or max(worst.get(x.location, 0.0), shaken) > KNOCKS
+    ]
     gaps = [x for x in hit if x.effect in FLANKS]
     limits = [x for x in hit if x.effect in LIMITS]
     return springs[:MOST] + gaps[:MOST] + limits[:MOST]
+
+
+def _over(c: Calibrated, residual: Array) -> dict[str, float]:
+    """Floors that a residual has on each signal: of its power, or weighed by where noise is small."""
+    problem, noise, out = c.problem, c.noise, {}
+    left, floors = noise.weighted_rms(problem, residual), noise.weighted_rms(problem, noise.draws)
+    for signal, floor in noise.floor(problem).items():
+        rows = np.concatenate(
+            [
+                np.flatnonzero(problem.kept[x.part]) + x.part.start
+                for x in problem.series
+                if x.signal == signal
+            ]
+        )
+        plain = (
+            float(np.sqrt(np.mean(residual[rows] ** 2))) / max(floor, 1e-300) if len(rows) else 0.0
+        )
+        out[signal] = max(plain, left[signal] / max(floors[signal], 1e-300))
+    return out
 
 
 def least_left(c: Calibrated, none: Fit, leaf: Leaf) -> dict[str, float]:
