@@ -210,7 +210,7 @@ def _table(group: Group) -> Table:
     table = Table(
         "mark", "value", "95 %", "of", "asked", "",
         title=f"{group.name}: {group.papers} cases", title_justify="left", box=SIMPLE_HEAD,
-        pad_edge=False,
+        pad_edge=False, collapse_padding=True,
     )  # fmt: skip
     for k, column in enumerate(table.columns):
         column.no_wrap = True
