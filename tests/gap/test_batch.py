@@ -83,8 +83,9 @@ def test_a_cluster_with_two_workers_shares_the_jobs(tmp_path):
     assert all(j.failure.is_file() for j in jobs)
 
 
-def test_a_scheduler_that_is_not_there_is_named(tmp_path):
+def test_a_scheduler_that_is_not_there_is_named(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
+    monkeypatch.setattr("hil.gap.batch.CONNECT_S", 0.5)
     jobs = find_jobs([broken(tmp_path / "a")], "axis", tmp_path / "out")
     with pytest.raises(ConfigError, match="no dask scheduler answers there"):
         run_jobs(jobs, lambda name, text: None, scheduler="tcp://127.0.0.1:9")

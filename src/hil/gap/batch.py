@@ -25,6 +25,9 @@ from hil.runs.folder import RUN_TOML, read_meta
 
 OnDone = Callable[[str, str], None]
 
+CONNECT_S = 10.0
+"""How long a scheduler is waited for."""
+
 
 @dataclass(frozen=True, slots=True)
 class Job:
@@ -179,7 +182,7 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Iterator[tuple[str, str]
     except ImportError as error:
         raise ConfigError("--scheduler needs dask.distributed: pip install 'hil[batch]'") from error
     try:
-        client = Client(scheduler, timeout=10)  # type: ignore[no-untyped-call]
+        client = Client(scheduler, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
     except OSError as error:
         raise ConfigError(f"{scheduler}: no dask scheduler answers there: {error}") from error
     with client:

@@ -19,7 +19,7 @@ from hil.gap.bicycle.sets import fit_sets
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
 from hil.gap.fits.evidence import MORE
-from hil.gap.fits.fitted import Fit
+from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Score, score, split, touched
 from hil.gap.fits.rounded import EFFECT as ROUNDED
 from hil.gap.fits.rounded import rounded
@@ -27,7 +27,7 @@ from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.noise import NoiseModel
 from hil.gap.judged.clear import other_than_steps
 from hil.gap.judged.diagnosis import Cause, Diagnosis
-from hil.gap.judged.doubt import STANDS, chance, least_explained
+from hil.gap.judged.doubt import BORNE_OUT, STANDS, chance, least_explained
 from hil.gap.judged.verdict import answer, judge, stands
 from hil.gap.located.result import Located
 from hil.gap.record.problem import Mask
@@ -57,6 +57,8 @@ HOLDS: Final = 0.05
 SEVERAL_HOLD: Final = 0.7
 """Held-out shrink below which one effect and a set are withdrawn: with two effects much can be bent to fit
 what was seen [set on training cases]."""
+AS_MUCH: Final = 1.15
+"""Times what is left of the seen data, floors in each, that may be left of unseen ones."""
 STRAIN: Final = 2.6
 """Prior standard deviations from which on a nuisance has gone further than calibrations leave anything."""
 UNSAID: Final = 1.38
@@ -234,6 +236,14 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
     )
 
 
+def _leaves_as_much(c: Calibrated, best: Fit, unseen: Score) -> bool:
+    """Whether a fit leaves no more of unseen data than of the seen ones: what it takes off those then is
+    little because little of it is there."""
+    rng = np.random.default_rng(0)
+    seen = score(c.problem, c.noise, best.residual, best.residual, c.train, unseen.signals, rng)
+    return unseen.after * seen.floor <= AS_MUCH * seen.after * unseen.floor
+
+
 def _unsaid(found: Diagnosis) -> Diagnosis:
     """`found`, no gap for want of a candidate; unknown where a signal stands above what noise and tolerances
     make of it."""
@@ -270,6 +280,8 @@ def _by_energy(found: Diagnosis) -> Diagnosis:
     share = 1.0 - left / max(was, 1e-9)
     unseen = found.score
     worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
+    if unseen is not None and _leaves_as_much(c, best, unseen):
+        worth = None if worth is None or worth < BORNE_OUT[0] else worth
     least = max([OTHERWISE, *(TWINS[x.name][0] for x in best.leaves if x.name in TWINS)])
     others = other_than_steps(best)
     unknown = chance(share, least_explained(worth, EXPLAINED), least) if others else least
