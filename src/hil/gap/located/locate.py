@@ -236,11 +236,9 @@ def _sentence(is_gap: bool, signals: Sequence[SignalGap], places: Sequence[Place
             f"(largest: {worst.signal} at {worst.ratio:.2f} times its floor)."
         )
     p = places[0]
-    region = p.region.replace("_", " ")
-    where = "over the whole motion" if region == "everywhere" else f"at {region}"
     return (
-        f"{100.0 * p.share:.0f} % of the explainable gap stands in {p.signal} {where}, "
-        f"{p.band_hz[0]:g} to {p.band_hz[1]:.3g} Hz, {p.rms / p.noise_floor:.1f} times the floor there."
+        f"{100.0 * p.share:.0f} % of the explainable gap stands in {p.text}, "
+        f"{p.rms / p.noise_floor:.1f} times the floor there."
     )
 
 

@@ -58,6 +58,13 @@ class Place:
     """Of the band's residual there, in the signal's unit."""
     noise_floor: float
 
+    @property
+    def text(self) -> str:
+        """Signal, region and band in words."""
+        region = self.region.replace("_", " ")
+        where = "over the whole motion" if region == "everywhere" else f"at {region}"
+        return f"{self.signal} {where}, {self.band_hz[0]:g} to {self.band_hz[1]:.3g} Hz"
+
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
