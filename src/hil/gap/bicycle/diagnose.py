@@ -28,7 +28,7 @@ from hil.gap.floor.noise import NoiseModel
 from hil.gap.judged.clear import other_than_steps
 from hil.gap.judged.diagnosis import Cause, Diagnosis
 from hil.gap.judged.doubt import BORNE_OUT, STANDS, chance, least_explained
-from hil.gap.judged.verdict import answer, judge, stands
+from hil.gap.judged.verdict import answer, judge, no_gap, stands
 from hil.gap.located.result import Located
 from hil.gap.record.problem import Mask
 from hil.gap.search.linear import Search
@@ -160,7 +160,10 @@ def _weighed(
 
     def answered(some: Sequence[Fit]) -> Diagnosis:
         every = [none, *some]
-        return _by_energy(answer(located, c, every, bank, held, parts.text, seed, is_large))
+        told = _by_energy(answer(located, c, every, bank, held, parts.text, seed, is_large))
+        if told.verdict != "unknown" or is_large or not told.causes:
+            return told
+        return replace(no_gap(located, parts.text), not_excited=told.not_excited)
 
     found = answered(fits[1:])
     if found.best is None or found.verdict != "unknown":

@@ -49,7 +49,7 @@ VISIBLE: Final = 0.3
 def no_gap(located: Located, held_out: str) -> Diagnosis:
     """Nothing to explain."""
     sentence = located.sentence
-    if located.is_gap:
+    if located.is_gap and located.where:
         sentence = f"No gap that stands beyond doubt. Nearest to one: {sentence}"
     return Diagnosis(
         located, "no_gap", sentence, (), (), 0.0, None, None, held_out, (), None, None, None
