@@ -35,6 +35,17 @@ def test_a_scale_that_stays_is_named():
     assert found.unknown < 0.1
 
 
+@pytest.mark.parametrize(("times", "verdict"), [(0.5, "no_gap"), (1.5, "unknown")])
+def test_a_slow_drag_below_the_noise_is_a_gap_where_it_towers_above_its_band(times, verdict):
+    frame = record()
+    slow = np.sin(2.0 * np.pi * 0.21 * frame["t"] + 1.0)
+    frame["axis.force"] += times * AXIS.noise.force * slow
+    found = diagnose(frame, AXIS)
+    assert found.verdict == verdict
+    assert max(s.ratio for s in found.located.signals) < 1.1
+    assert verdict == "unknown" or found.sentence.startswith("No gap")
+
+
 @pytest.mark.parametrize(("power", "verdict"), [(1, "identified"), (2, "unknown")])
 def test_drag_with_the_square_of_speed_is_no_viscous_friction_though_little_is_left(power, verdict):
     frame = record()

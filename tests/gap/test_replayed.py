@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -63,6 +64,15 @@ def test_a_speed_limit_that_is_seldom_hit_is_found_by_replays():
 def test_nobody_is_suspected_on_a_healthy_record():
     c, none, leaves = begun(record())
     assert suspects(c, none, leaves) == []
+
+
+def test_knocks_that_weights_cut_as_spikes_are_asked_for_gaps():
+    c, none, leaves = begun(record())
+    (part,) = (x.part for x in c.problem.series if x.signal == "axis.force")
+    knocked = np.array(none.residual)
+    knocked[part][::40] += 15.0 * c.noise.sigma[part][::40]
+    asked = {x.effect for x in suspects(c, replace(none, residual=knocked), leaves)}
+    assert "backlash" in asked
 
 
 def test_frames_of_the_same_cycles_were_lost_by_no_bus():

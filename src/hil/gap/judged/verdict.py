@@ -42,6 +42,7 @@ UNTOLD: Final = 0.1
 """Chance of something unknown up to which what acts now and then, not beyond doubt, is a gap though unseen
 data have none of it [set on the used-up exam of seed 114: those that were there had 0.04 at most, one that
 was not had 0.2]."""
+HARDLY: Final = 0.05
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
@@ -217,6 +218,8 @@ def judge(
     far = (
         "" if shrink is None else f" It takes {100.0 * shrink:.0f} % of the gap off held-out data."
     )
+    if shrink is not None and shrink < HARDLY:
+        far = " Held-out data hardly show it."
     if min(x.probability for x in chosen) / (1.0 - unknown) >= SURE:
         return "identified", f"The gap comes from {names}.{far}"
     others = [x for x in causes if x not in chosen and x.probability > 0.05]
