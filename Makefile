@@ -5,10 +5,10 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-vcan lint types imports check install bench clean
+.PHONY: help run test test-benchmarks test-vcan lint types imports check install bench clean
 
 help: ## what can be made
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-9s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -22,8 +22,13 @@ $(VENV)/dev.stamp: $(VENV)/run.stamp
 run: $(VENV)/run.stamp ## the simulated motorcycle rig, the daemon and a riding client, for a minute
 	$(BIN)/hil demo
 
-test: $(VENV)/dev.stamp ## all tests that need no root and no SocketCAN
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+
+test: $(VENV)/dev.stamp ## all tests of hil that need no root and no SocketCAN
+	$(PYTEST) --ignore=tests/benchmarks
+
+test-benchmarks: $(VENV)/dev.stamp ## tests of the benchmarks and of the worlds of others
+	$(PYTEST) tests/benchmarks
 
 test-vcan: $(VENV)/dev.stamp ## the tests over real SocketCAN, in a guest where this kernel has none
 	tests/vcan/run
@@ -38,7 +43,7 @@ types: $(VENV)/dev.stamp ## static types
 imports: $(VENV)/dev.stamp ## imports go down only
 	$(BIN)/lint-imports
 
-check: lint types imports test ## all of the above
+check: lint types imports test test-benchmarks ## all of the above
 
 install: ## into PREFIX (/opt/hil) as a service: make install RIG=motorcycle, or RIG=/path/to/rig.toml
 	$(PYTHON) -m venv $(PREFIX)
