@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -126,18 +126,6 @@ class RideProblem(Problem):
     def own_leaves(self, without: Collection[str]) -> list[Leaf] | None:
         """A ride's own candidates."""
         return ride_leaves(self, without)
-
-    def own_courses(self, motion: Sequence[Mapping[str, Array]]) -> dict[str, tuple[Array, ...]]:
-        """With time, speed, and how hard a ride turns: speed times yaw rate."""
-        past, speed, turning = (np.zeros(self.size) for _ in range(3))
-        for x in self.series:
-            moved = motion[x.stretch]
-            t = moved["t"]
-            past[x.part] = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
-            speed[x.part] = moved["speed"]
-            turning[x.part] = np.abs(moved["speed"] * moved["yaw_rate"])
-        speed, turning = (v / max(float(np.max(v)), 1e-12) for v in (speed, turning))
-        return {"time": (past, past**2), "speed": (speed, speed**2), "turning": (turning,)}
 
     def answers(self, vectors: Array) -> Array:
         """(B, N) samples for B parameter vectors (B, P of the table); NaN where the twin cannot stand."""

@@ -60,7 +60,7 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
     leaves = [x for x in f.leaves if x.effect not in (LOST, ROUNDED)]
     if most_left(c, f) < LEFT:
         leaves = [x for x in leaves if x.effect == DRAG]
-    if not leaves:
+    if not leaves or not c.problem.actuators:
         return None
     rows = c.train
     answer = c.problem.measured - f.residual
@@ -75,11 +75,10 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
     fitted = np.hstack([c.jacobian[rows], columns[rows]])
     picture = _Picture(fitted, left, weight)
     motion = c.problem.motion(f.vector)
-    courses = c.problem.own_courses(motion)
     out = []
     for leaf in leaves:
         own = columns[:, [k for k, n in enumerate(f.names) if n in leaf.parameters]]
-        for goes_with, slow in (courses or _slow(c.problem, leaf, motion)).items():
+        for goes_with, slow in _slow(c.problem, leaf, motion).items():
             varied = np.hstack([own * s[:, None] for s in slow])[rows]
             beyond = picture.gain(varied) - 0.5 * worth * varied.shape[1]
             out.append(Variation(leaf, goes_with, max(beyond, 0.0) / explained))

@@ -186,14 +186,6 @@ class Problem:
         del without
         return None
 
-    def own_courses(
-        self, motion: Sequence[Mapping[str, Array]]
-    ) -> dict[str, tuple[Array, ...]] | None:
-        """By what it goes with, (N,) slow functions of about 1 of a kind of problem that has its own; None:
-        those of a driven rig. `motion`: as `motion` gives it."""
-        del motion
-        return None
-
     def answers(self, vectors: Array) -> Array:
         """(B, N) samples for B parameter vectors (B, P of the table); NaN where the twin cannot stand."""
         rows = np.atleast_2d(vectors)
