@@ -34,10 +34,12 @@ SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
 """Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
-BANDS: Final = {"force": 5.2, "current": 5.2, "position": 4.5, "velocity": 4.5}
-"""Floors that one band of a signal stands above its own, everywhere or in a region, to be a gap alone: slow
-drags are small beside the whole noise and tower above that of their band. On 300 healthy records of three
-worlds forces have 4.8 at most, positions 3.8; what an IMU has there are its own slow errors."""
+BANDS: Final = {"force": 5.5, "current": 5.5, "position": 4.5, "velocity": 4.5}
+"""Floors that one band of a signal up to SLOW_HZ stands above its own, everywhere or in a region, to be a gap
+alone: slow drags are small beside the whole noise and tower above that of their band. On 350 healthy records
+of three worlds forces have 4.8 at most, positions 3.8; what an IMU has there are its own slow errors, and
+what friction of another law does at reversals is faster."""
+SLOW_HZ: Final = 1.0
 UNTOLD: Final = 0.1
 """Chance of something unknown up to which what acts now and then, not beyond doubt, is a gap though unseen
 data have none of it [set on the used-up exam of seed 114: those that were there had 0.04 at most, one that
@@ -152,7 +154,8 @@ def _loudest(located: Located) -> Place | None:
     loud = {
         p: p.rms / p.noise_floor
         for p in located.where
-        if p.rms > BANDS.get(p.signal.rpartition(".")[2], math.inf) * p.noise_floor
+        if p.band_hz[1] <= SLOW_HZ
+        and p.rms > BANDS.get(p.signal.rpartition(".")[2], math.inf) * p.noise_floor
     }
     return max(loud, key=lambda p: loud[p], default=None)
 

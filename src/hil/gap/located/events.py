@@ -28,14 +28,14 @@ NEAR: Final = 9
 """Samples about one, of which the one that feels time most tells how late frames kick."""
 HELD: Final = {
     "position": (3, 8.0),
-    "velocity": (3, 8.0),
+    "velocity": (3, 12.0),
     "gyro": (6, 8.0),
     "accel": (6, 8.0),
     "force": (6, 25.0),
     "current": (6, 25.0),
 }
 """Samples one after the other, and spreads by which all of them must be off to one side to be a gap alone:
-healthy rigs of two worlds stay below 4.7, 4.6, 3.2, 3.4 and 9.2 (60 records)."""
+healthy rigs of two worlds stay below 4.7, 8.7, 3.2, 3.4 and 9.2 (200 records)."""
 STUCK: Final = {"position": (3, 10.0), "force": (3, 40.0), "current": (3, 40.0)}
 """The same of a start, which is not judged else: healthy rigs of two worlds stay below 2.8 and 12.1 (75
 records)."""
