@@ -9,6 +9,7 @@ what these columns take off beyond all that the fit and the nuisances could tell
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -36,6 +37,8 @@ CUT: Final = 8.0
 RIDGE: Final = 1e-6
 FAINT: Final = 0.004
 """Shares that no doubt comes from, whatever else could explain them."""
+OTHERS: Final = 6
+"""Other candidates that are asked whether they explain the same."""
 CREEP: Final = 0.05
 """Of the largest speed, up to which the direction of motion is no more than begun."""
 
@@ -50,8 +53,8 @@ class Variation:
 
 
 def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Variation | None:
-    """The largest variation of any effect of a fit, less chance and what another effect of `bank` could take
-    off as well; None where there is none to ask, no parameter has a column, or no actuator moves.
+    """The largest variation of any effect of a fit, less chance and what of it another effect of `bank` could
+    take off as well; None where there is none to ask, no parameter has a column, or no actuator moves.
 
     Where a fit leaves nothing, only DRAG is asked.
 
@@ -75,21 +78,27 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
     fitted = np.hstack([c.jacobian[rows], columns[rows]])
     picture = _Picture(fitted, left, weight)
     motion = c.problem.motion(f.vector)
-    out = []
+    out: list[tuple[Variation, Array]] = []
     for leaf in leaves:
         own = columns[:, [k for k, n in enumerate(f.names) if n in leaf.parameters]]
         for goes_with, slow in _slow(c.problem, leaf, motion).items():
             varied = np.hstack([own * s[:, None] for s in slow])[rows]
             beyond = picture.gain(varied) - 0.5 * worth * varied.shape[1]
-            out.append(Variation(leaf, goes_with, max(beyond, 0.0) / explained))
-    most = max(out, key=lambda v: v.share)
+            out.append((Variation(leaf, goes_with, max(beyond, 0.0) / explained), varied))
+    most, varied = max(out, key=lambda v: v[0].share)
     if most.share < FAINT:
         return most
-    return replace(most, share=max(most.share - _another(c, f, bank) / explained, 0.0))
+    least = min(
+        (picture.gain(np.hstack([varied, x])) - picture.gain(x) for x in _others(c, f, bank)),
+        default=math.inf,
+    )
+    beyond = least - 0.5 * worth * varied.shape[1]
+    return replace(most, share=min(most.share, max(beyond, 0.0) / explained))
 
 
-def _another(c: Calibrated, f: Fit, bank: Bank) -> float:
-    """Nats that the best candidate beside a fit's own could take off what it leaves.
+def _others(c: Calibrated, f: Fit, bank: Bank) -> list[Array]:
+    """Columns on training samples of the best candidates beside a fit's own: what one of them could take off
+    as well needs no parameter that varies.
 
     Less friction of another law where the fit has more is no other cause: the two together are a third law.
     """
@@ -104,7 +113,12 @@ def _another(c: Calibrated, f: Fit, bank: Bank) -> float:
         return leaf.name not in own and not is_third
 
     found = Search(replace(c, z=f.z), bank, f.white).alone()
-    return max([0.0, *(p.gain for p in found if is_other(p))])
+    out = []
+    for p in [p for p in found if is_other(p)][:OTHERS]:
+        ((start, _),) = p.starts
+        columns = bank.columns[:, list(bank.places[p.leaves[0]][start])].astype(float)
+        out.append(c.noise.whiten(c.problem, columns)[c.train])
+    return out
 
 
 def _is_less(c: Calibrated, leaf: Leaf, p: Proposal) -> bool:
