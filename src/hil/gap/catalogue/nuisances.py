@@ -37,9 +37,9 @@ IMU_BIAS: Final = 0.5
 """Of one sample's noise: what is left after the usual zeroing at rest [R]."""
 MISALIGNMENT_RAD: Final = 0.002
 """An IMU against its drawing after a static calibration, a tenth of a degree [R]."""
-CRYSTALS: Final = 2e-5
-"""s/s: what the clocks of healthy drives and hosts differ by [R]. No nuisance: what differs by no more is no
-finding."""
+CRYSTALS: Final = 3e-5
+"""s/s: what the clocks of healthy drives and hosts differ by: crystals are within 20 ppm, two of them within
+30 most likely [R]. No nuisance: what differs by no more is no finding."""
 RATE: Final = ".clock_drift.rate"
 WOBBLE_M: Final = 3e-6
 """Amplitude of a lead error that any screw has in each turn [R]."""
