@@ -87,9 +87,10 @@ def test_a_spring_that_an_imu_alone_feels_is_asked():
     series = [SimpleNamespace(signal=s, actuator=s.partition(".")[0]) for s in sizes]
 
     def asked(floors: dict[str, float]) -> list[object]:
-        noise = SimpleNamespace(
-            draws="draws", weighted_rms=lambda _, r: floors if r == "draws" else sizes
-        )
+        def rms(_, some: str) -> dict[str, float]:
+            return floors if some == "draws" else sizes
+
+        noise = SimpleNamespace(draws="draws", rms=rms, weighted_rms=rms)
         c = SimpleNamespace(problem=SimpleNamespace(series=series), noise=noise)
         return suspects(c, SimpleNamespace(residual="residual"), [spring])
 

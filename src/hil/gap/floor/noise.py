@@ -106,18 +106,23 @@ class NoiseModel:
             out[signal] = float(np.sqrt(np.mean(few))) if len(size) else 0.0
         return out
 
-    def floor(self, problem: Problem) -> dict[str, float]:
-        """Root mean square of the draws of each signal over its judged samples."""
+    def rms(self, problem: Problem, flat: Array) -> dict[str, float]:
+        """By signal, root mean square of residuals (N,) or (D, N) over its judged samples, spikes and all."""
+        rows = np.atleast_2d(flat)
         out = {}
         for signal in problem.signals:
             total, count = 0.0, 0
             for x in problem.series:
                 if x.signal == signal:
-                    kept = self.draws[:, x.part][:, problem.kept[x.part]]
+                    kept = rows[:, x.part][:, problem.kept[x.part]]
                     total += float(np.sum(kept**2))
                     count += kept.size
             out[signal] = float(np.sqrt(total / max(count, 1)))
         return out
+
+    def floor(self, problem: Problem) -> dict[str, float]:
+        """Root mean square of the draws of each signal over its judged samples."""
+        return self.rms(problem, self.draws)
 
 
 def from_draws(

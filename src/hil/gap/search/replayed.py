@@ -67,21 +67,12 @@ def suspects(
 
 
 def _over(c: Calibrated, residual: Array) -> dict[str, float]:
-    """Floors that a residual has on each signal: of its power, or weighed by where noise is small."""
-    problem, noise, out = c.problem, c.noise, {}
-    left, floors = noise.weighted_rms(problem, residual), noise.weighted_rms(problem, noise.draws)
-    for signal, floor in noise.floor(problem).items():
-        rows = np.concatenate(
-            [
-                np.flatnonzero(problem.kept[x.part]) + x.part.start
-                for x in problem.series
-                if x.signal == signal
-            ]
-        )
-        plain = (
-            float(np.sqrt(np.mean(residual[rows] ** 2))) / max(floor, 1e-300) if len(rows) else 0.0
-        )
-        out[signal] = max(plain, left[signal] / max(floors[signal], 1e-300))
+    """Floors that a residual has on each signal: spikes and all, or weighed by where noise is small."""
+    out: dict[str, float] = {}
+    for rms in (c.noise.rms, c.noise.weighted_rms):
+        left, floors = rms(c.problem, residual), rms(c.problem, c.noise.draws)
+        for signal, floor in floors.items():
+            out[signal] = max(out.get(signal, 0.0), left[signal] / max(floor, 1e-300))
     return out
 
 
