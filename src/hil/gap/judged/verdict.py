@@ -36,9 +36,9 @@ LARGE: Final = 2.0
 """Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
 BANDS: Final = {"force": 5.5, "current": 5.5, "position": 4.5, "velocity": 4.5}
 """Floors that one band of a signal up to SLOW_HZ stands above its own, everywhere or in a region, to be a gap
-alone: slow drags are small beside the whole noise and tower above that of their band. On 350 healthy records
-of three worlds forces have 4.8 at most, positions 3.8; what an IMU has there are its own slow errors, and
-what friction of another law does at reversals is faster."""
+alone: slow drags are small beside the whole noise and tower above that of their band. What an IMU has there
+are its own slow errors, and what friction of another law does at reversals is faster [set on the diagnoses of
+exams 114 to 118 and of the worlds of others, 350 healthy records: forces 4.8 at most, positions 3.8]."""
 SLOW_HZ: Final = 1.0
 UNTOLD: Final = 0.1
 """Chance of something unknown up to which what acts now and then, not beyond doubt, is a gap though unseen
