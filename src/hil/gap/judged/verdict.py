@@ -45,6 +45,7 @@ UNTOLD: Final = 0.1
 data have none of it [set on the used-up exam of seed 114: those that were there had 0.04 at most, one that
 was not had 0.2]."""
 HARDLY: Final = 0.05
+"""Held-out shrink below which a sentence says that unseen data show little of what was found."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
@@ -222,7 +223,7 @@ def judge(
         "" if shrink is None else f" It takes {100.0 * shrink:.0f} % of the gap off held-out data."
     )
     if shrink is not None and shrink < HARDLY:
-        far = " Held-out data hardly show it."
+        far = f" Held-out data show little of it ({100.0 * shrink:.0f} % of their gap goes)."
     if min(x.probability for x in chosen) / (1.0 - unknown) >= SURE:
         return "identified", f"The gap comes from {names}.{far}"
     others = [x for x in causes if x not in chosen and x.probability > 0.05]
