@@ -14,11 +14,12 @@ from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import IdentificationError
 from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
-from hil.gap.bicycle.diagnose import _is_further
+from hil.gap.bicycle.diagnose import _is_further, _leaves_as_much
 from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.catalogue.nuisances import Nuisance
+from hil.gap.fits.heldout import Score
 from tests.bicycle.rides import run_of
 
 NOMINAL = load_bicycle("bicycle")
@@ -228,3 +229,23 @@ def test_a_nuisance_that_went_no_further_than_calibrations_leave_it_is_no_effect
     priors = [Nuisance("rear_wheel.wheel_radius.scale", 0.002, "1")]
     assert not _is_further(named(1.004), priors)
     assert _is_further(named(1.012), priors)
+
+
+@pytest.mark.parametrize(("times", "is_as_much"), [(1.5, True), (2.0, False)])
+def test_unseen_rides_that_are_left_as_the_seen_ones_are_contradict_nothing(
+    healthy, times, is_as_much
+):
+    """The seen ride is left with 1.5 floors of each signal."""
+    problem = RideProblem(NOMINAL, [prepare(healthy, NOMINAL)])
+    c = SimpleNamespace(
+        problem=problem,
+        noise=SimpleNamespace(
+            sigma=np.ones(problem.size),
+            draws=np.ones((4, problem.size)),
+            tamed=lambda _, residual: residual,
+        ),
+        train=np.ones(problem.size, dtype=bool),
+    )
+    best = SimpleNamespace(residual=np.full(problem.size, 1.5))
+    unseen = Score(problem.signals, 2.0 * times, 2.0 * times, 2.0, 0.0, None)
+    assert _leaves_as_much(c, best, unseen) is is_as_much

@@ -10,8 +10,10 @@ import pytest
 
 import hil.gap.judged.doubt as module
 from hil.gap import diagnose
+from hil.gap.diagnose import consider
 from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import usually_explained
+from hil.gap.judged import constancy
 from hil.gap.judged.verdict import _is_unseen, _is_usual
 from hil.gap.record.leaf import Leaf
 from hil.sim import Twin
@@ -57,6 +59,30 @@ def test_drag_with_the_square_of_speed_is_no_viscous_friction_though_little_is_l
     assert found.verdict == verdict
     assert found.causes[0].effect == "viscous_friction"
     assert power == 1 or "goes with speed" in found.sentence
+
+
+def test_what_varies_is_set_off_against_what_explains_the_same_and_nothing_else(monkeypatch):
+    frame = record()
+    sent = frame[["t", "axis.setpoint"]].dropna()
+    speed = np.gradient(sent["axis.setpoint"], sent["t"])
+    frame["axis.force"] += np.interp(frame["t"], sent["t"], 4e3 * speed * np.abs(speed))
+    seen = consider(frame, AXIS)
+    c, none = seen.calibrated, seen.fits[0]
+    drag = next(f for f in seen.fits if [x.name for x in f.leaves] == ["axis.viscous_friction"])
+    monkeypatch.setattr(constancy, "_others", lambda *_: [])
+    alone = constancy.variation(c, none, drag, seen.bank, 1.0)
+    assert alone.goes_with == "speed"
+    assert alone.share > constancy.FAINT
+    left = drag.white[c.train][:, None]
+    elsewhere = np.zeros_like(left)
+    (part,) = (x.part for x in c.problem.series if x.signal == "axis.position")
+    at = np.zeros(c.problem.size, dtype=bool)
+    at[part] = True
+    elsewhere[at[c.train]] = left[at[c.train]]
+    for column, expected in ((elsewhere, alone.share), (left, 0.0)):
+        monkeypatch.setattr(constancy, "_others", lambda *_, x=column: [x])
+        share = constancy.variation(c, none, drag, seen.bank, 1.0).share
+        assert share == pytest.approx(expected, rel=0.25, abs=1e-3)
 
 
 def test_an_encoder_that_jumps_now_and_then_is_a_gap_and_none_of_the_catalogue():
