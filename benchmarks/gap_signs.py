@@ -9,7 +9,8 @@ how much of it varies (VARIES), its nats, the floors of its trace and the nats o
 (`judged.clear`: COUNTED, BORNE_OUT), and how high unseen data stand without it; what the nuisances' priors
 cost without it (decision 6; half a sum of squares); the largest signal in floors (`judged.verdict`: LARGE),
 how loud the record is beside the noise model (`floor.loudness`: LEVEL_RANGE, LOUDEST), and its lone samples
-(`located.events`: WILD, STRUCK, HELD; 1 is a gap); all in `hil.gap`. Then their quantiles by kind of case.
+(`located.events`: WILD, STRUCK, HELD; 1 is a gap), the slow bands of its drives' signals that stand highest
+(`judged.verdict`: BANDS); all in `hil.gap`. Then their quantiles by kind of case.
 Rows are kept as they come and never made twice. Meant for tuning seeds, from 1000 on, never for an exam's.
 """
 
@@ -33,11 +34,24 @@ from hil.gap.judged.causes import Shown
 from hil.gap.judged.clear import signals
 from hil.gap.judged.constancy import variation
 from hil.gap.judged.doubt import explained_share
+from hil.gap.judged.verdict import SLOW_HZ
 from hil.gap.located.events import jumps
+from hil.gap.located.result import Located
 
 SIGNS = (
-    "share", "unseen", "stands", "varies", "nats", "trace", "saved", "priors", "floors", "loud", "lone"
+    "share", "unseen", "stands", "varies", "nats", "trace", "saved", "priors", "floors", "loud", "lone",
+    "force_band", "position_band",
 )  # fmt: skip
+
+
+def slow_band(located: Located, kinds: tuple[str, ...]) -> float:
+    """Floors of its own that the highest slow band of signals of `kinds` stands; 0 where none stands out."""
+    slow = [
+        p.rms / p.noise_floor
+        for p in located.where
+        if p.band_hz[1] <= SLOW_HZ and p.signal.rpartition(".")[2] in kinds
+    ]
+    return max(slow, default=0.0)
 
 
 def signs(x: Considered) -> tuple[Fit | None, dict[str, float]]:
@@ -51,6 +65,8 @@ def signs(x: Considered) -> tuple[Fit | None, dict[str, float]]:
         ),
         "lone": jumps(x.located)[1],
         "priors": none.prior_cost,
+        "force_band": slow_band(x.located, ("force", "current")),
+        "position_band": slow_band(x.located, ("position", "velocity")),
     }
     weighed, worth = weigh(c, x.fits)
     zero = next(w.log_evidence for w in weighed if not w.fit.leaves)
@@ -99,7 +115,11 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
         {True: "catalogue, right", False: "catalogue, wrong"}))  # fmt: skip
     parts = []
     for kind, some in rows.groupby(named):
-        q = some[[s for s in SIGNS if s in some]].quantile([0.05, 0.25, 0.5, 0.75, 0.95]).round(3)
+        q = (
+            some[[s for s in SIGNS if s in some]]
+            .quantile([0.05, 0.25, 0.5, 0.75, 0.95, 1.0])
+            .round(3)
+        )
         q.insert(0, "cases", len(some))
         parts.append(pd.concat({kind: q}))
     return pd.concat(parts)

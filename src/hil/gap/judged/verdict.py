@@ -38,7 +38,8 @@ BANDS: Final = {"force": 5.5, "current": 5.5, "position": 4.5, "velocity": 4.5}
 """Floors that one band of a signal up to SLOW_HZ stands above its own, everywhere or in a region, to be a gap
 alone: slow drags are small beside the whole noise and tower above that of their band. What an IMU has there
 are its own slow errors, and what friction of another law does at reversals is faster [set on the diagnoses of
-exams 114 to 118 and of the worlds of others, 350 healthy records: forces 4.8 at most, positions 3.8]."""
+exams 114 to 118 and of the worlds of others: forces 4.8 at most, positions 3.8; told by
+`benchmarks.gap_signs`]."""
 SLOW_HZ: Final = 1.0
 UNTOLD: Final = 0.1
 """Chance of something unknown up to which what acts now and then, not beyond doubt, is a gap though unseen
