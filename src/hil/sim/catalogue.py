@@ -4,7 +4,8 @@ Names, locations and parameters are a contract with runs, rig files and reports:
 its neutral values an effect vanishes. Friction parameters are added to the rig file's own friction and
 delays to its own delays, so negative values, down to what the rig file has, are allowed there: a fit
 needs both sides. `scale` is the size at which an effect matters on a rig of this class [R]: it makes
-parameters comparable, it is no limit.
+parameters comparable, it is no limit. An actuator may be a leg of metres and newtons or a shaft of radians
+and newton metres, so what has a size of its own is measured by its travel, speed, force and mass.
 """
 
 from __future__ import annotations
@@ -51,14 +52,28 @@ def _travel(share: float) -> Callable[[Actuator], float]:
     return lambda a: share * (a.stroke[1] - a.stroke[0])
 
 
+def _speed(share: float) -> Callable[[Actuator], float]:
+    return lambda a: share * a.velocity_max
+
+
+def _carried(per_mass: float) -> Callable[[Actuator], float]:
+    """Of what the drive moves, kg or kg·m²: stiffness in 1/s², damping in 1/s."""
+    return lambda a: per_mass * a.effective_mass
+
+
+def _at_least(least: float, value: Callable[[Actuator], float]) -> Callable[[Actuator], float]:
+    return lambda a: max(least, value(a))
+
+
 def _coulomb(parameter: str) -> Spec:
     return Spec(parameter, "N", 0.0, _own_friction, _force(0.5), _force(0.01))
 
 
 def _viscous(parameter: str) -> Spec:
     return Spec(
-        parameter, "N·s/m", 0.0, lambda a: -a.viscous, 1e5, lambda a: 0.5 * a.viscous + 20.0
-    )
+        parameter, "N·s/m", 0.0, lambda a: -a.viscous, 1e5,
+        lambda a: 0.5 * a.viscous + 0.0025 * a.force_max / a.velocity_max,
+    )  # fmt: skip
 
 
 ACTUATOR: Effects = {
@@ -67,7 +82,7 @@ ACTUATOR: Effects = {
     "stribeck_friction": (
         _coulomb("coulomb"),
         _coulomb("static"),
-        Spec("velocity", "m/s", 0.01, 1e-4, 0.5, 0.01),
+        Spec("velocity", "m/s", 0.01, 1e-4, _at_least(0.5, _speed(0.5)), 0.01),
     ),
     "asymmetric_friction": (_coulomb("positive"), _coulomb("negative")),
     "asymmetric_viscous_friction": (_viscous("positive"), _viscous("negative")),
@@ -75,14 +90,15 @@ ACTUATOR: Effects = {
         Spec("coefficient", "1", 0.0, 0.0, 0.8, 0.03),
         Spec("asymmetry", "1", 0.0, -1.0, 1.0, 0.3),
     ),
-    "backlash": (Spec("gap", "m", 0.0, 0.0, 0.02, 2e-4),),
+    "backlash": (Spec("gap", "m", 0.0, 0.0, _at_least(0.02, _travel(0.02)), _travel(4e-4)),),
     "hysteresis": (
         Spec("force", "N", 0.0, 0.0, _force(0.5), _force(0.01)),
         Spec("displacement", "m", 1e-3, 1e-6, 0.1, 1e-3),
     ),
     "compliance": (
-        Spec("stiffness", "N/m", math.inf, 1e3, math.inf, 2e6, "reciprocal"),
-        Spec("damping", "N·s/m", 0.0, 0.0, 1e6, 500.0),
+        Spec("stiffness", "N/m", math.inf, lambda a: min(1e3, 10.0 * a.effective_mass), math.inf,
+             _carried(1e4), "reciprocal"),
+        Spec("damping", "N·s/m", 0.0, 0.0, 1e6, _carried(2.5)),
         Spec("hardening", "1", 0.0, 0.0, 20.0, 0.3),
     ),
     "actuator_inertia": (
@@ -107,10 +123,10 @@ ACTUATOR: Effects = {
         Spec("integral", "1", 1.0, 0.0, 10.0, 0.3),
     ),
     "transport_delay": (Spec("delay", "s", 0.0, -0.05, 0.2, 2e-3),),
-    "position_offset": (Spec("offset", "m", 0.0, _travel(-0.25), _travel(0.25), 1e-3),),
+    "position_offset": (Spec("offset", "m", 0.0, _travel(-0.25), _travel(0.25), _travel(2e-3)),),
     "lead_error": (
         Spec("scale", "1", 1.0, 0.8, 1.2, 5e-3),
-        Spec("amplitude", "m", 0.0, 0.0, 1e-3, 5e-5),
+        Spec("amplitude", "m", 0.0, 0.0, _at_least(1e-3, _travel(2e-3)), _travel(1e-4)),
         Spec("period", "m", 0.005, 1e-4, 1.0, 0.005),
         Spec("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, 1.0),
     ),
@@ -119,7 +135,7 @@ ACTUATOR: Effects = {
 SENSOR_LATENCY = Spec("delay", "s", 0.0, -0.05, 0.2, 2e-3)
 QUANTITY_UNIT = {"position": "m", "velocity": "m/s", "force": "N", "current": "A"}
 QUANTITY_SCALE: dict[str, Value] = {
-    "position": 5e-4, "velocity": 5e-3, "force": _force(0.01),
+    "position": _travel(1e-3), "velocity": _speed(0.0125), "force": _force(0.01),
     "current": lambda a: 0.01 * a.force_max / (a.force_per_ampere or a.force_max / 10.0),
 }  # fmt: skip
 

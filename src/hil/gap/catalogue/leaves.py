@@ -59,7 +59,8 @@ SWINGS_HZ: Final = (5.0, 8.0, 12.0, 18.0, 27.0, 40.0)
 DAMPED: Final = 0.08
 """Of critical."""
 WIDTHS_M: Final = (2e-4, 2e-3, 1e-2)
-STRIBECK_M_S: Final = (0.003, 0.015, 0.06)
+STRIBECK: Final = (0.008, 0.04, 0.16)
+"""Of an actuator's largest speed, down to which its static friction goes."""
 
 
 def find_leaves(
@@ -113,7 +114,8 @@ def _actuator(
         leaf("viscous_friction", "coefficient",
              [({}, {"coefficient": scale("viscous_friction", "coefficient")})]),
         leaf("stribeck_friction", "coulomb static velocity",
-             [({"velocity": v}, {"coulomb": f, "static": f}, {"static": f}) for v in STRIBECK_M_S]),
+             [({"velocity": v * a.velocity_max}, {"coulomb": f, "static": f}, {"static": f})
+              for v in STRIBECK]),
         leaf("asymmetric_friction", "positive negative", [({}, {"positive": f}, {"negative": f})]),
         leaf("load_friction", "coefficient asymmetry",
              [({"asymmetry": s}, {"coefficient": 0.03}) for s in (0.0, 0.8, -0.8)]),
@@ -146,9 +148,14 @@ def _actuator(
     modes = {piece.mode for piece in problem.pieces}
     if "position" in modes:
         out.append(leaf("transport_delay", "delay", [({}, {"delay": d}) for d in DELAYS_S]))
-    out.append(leaf("position_offset", "offset", [({}, {"offset": 1e-3})]))
+    out.append(
+        leaf("position_offset", "offset", [({}, {"offset": scale("position_offset", "offset")})])
+    )
     lead: list[tuple[Changes, ...]] = [({}, {"scale": 1.005})]
-    lead += [({"period": p}, *_waves(5e-5)) for p in lead_periods(problem, residual, name)]
+    lead += [
+        ({"period": p}, *_waves(scale("lead_error", "amplitude")))
+        for p in lead_periods(problem, residual, name)
+    ]
     out.append(leaf("lead_error", "scale amplitude period phase", lead))
     return out
 

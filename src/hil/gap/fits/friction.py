@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.gap.catalogue.leaves import STRIBECK_M_S
+from hil.gap.catalogue.leaves import STRIBECK
 from hil.gap.fits.fit import fit
 from hil.gap.fits.fitted import Calibrated, Fit, replay_cost
 from hil.gap.fits.starts import relative
@@ -126,7 +126,8 @@ def peaked(c: Calibrated, base: Fit, leaf: Leaf) -> Fit | None:
     added = float(base.vector[own] - c.vector[own])
     names = [f"{leaf.name}.{p}" for p in ("coulomb", "static", "velocity")]
     index = [table.index(n) for n in names]
-    options = list(itertools.product(PEAKS, STRIBECK_M_S))
+    most = next(a.velocity_max for a in c.problem.rig.actuators if a.name == leaf.location)
+    options = list(itertools.product(PEAKS, [share * most for share in STRIBECK]))
     rows = np.tile(base.vector, (len(options), 1))
     rows[:, own] = c.vector[own]
     for row, (peak, speed) in zip(rows, options, strict=True):

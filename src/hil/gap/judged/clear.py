@@ -56,12 +56,12 @@ class Asked:
 
 COUNTED: Final = Asked(
     nats=10.0, trace=0.3, always=1.0, decisive=20.0, faint=0.15, certain=90.0, nearly=45.0,
-    always_faint=0.6, saved=10.0,
+    always_faint=0.6, saved=15.0,
 )  # fmt: skip
 """Of rigs, many samples of which count as one [set on cases of the used-up exams of seeds 81 and 111, of
 tuning seeds and of a second world: a healthy rig has up to 13 nats with 0.2 floors; of what ALWAYS acts up to
-72 with 0.83, and spends up to 11 on priors, nine of ten less than 6; what is nearly certain is
-set on 40 healthy records of three worlds, which have up to 25 where all is explained]."""
+72 with 0.83, and spends up to 12 on priors that an effect saves, nine of ten less than 6; what is nearly
+certain is set on 40 healthy records of three worlds, which have up to 25 where all is explained]."""
 IN_FULL: Final = Asked(
     nats=15.0, trace=0.75, always=1.2, decisive=120.0, faint=0.4, certain=120.0, nearly=120.0,
     always_faint=0.8, saved=math.inf,

@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 WILD: Final = {"position": 3.0, "accel": 4.5}
 """Floors of a signal, lone samples and all, that are a gap alone: healthy rigs of three worlds stay below 1.2
 and 3.1, for late frames are felt by accelerometers as well."""
-STRUCK: Final = {"position": 10.0, "force": 120.0, "current": 120.0}
+STRUCK: Final = {"position": 10.0, "force": 250.0, "current": 250.0}
 """Spreads that a lone sample must have to be a gap alone, what a frame that is LATE does among them: healthy
-rigs of two worlds stay below 4.6 and 115."""
+rigs of two worlds stay below 4.6 and, struck by the latest of frames, 121."""
 LATE: Final = 0.2
 """Of a cycle."""
 NEAR: Final = 9
