@@ -22,7 +22,7 @@ $(VENV)/dev.stamp: $(VENV)/run.stamp
 run: $(VENV)/run.stamp ## the simulated motorcycle rig, the daemon and a riding client, for a minute
 	$(BIN)/hil demo
 
-PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/dev.stamp ## all tests of hil that need no root and no SocketCAN
 	$(PYTEST) --ignore=tests/benchmarks

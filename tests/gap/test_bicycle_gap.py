@@ -82,6 +82,21 @@ def test_tyres_that_give_way_in_curves_as_hard_ones_do_are_no_gap():
     assert diagnose_rides([run_of(ride, slipping)], NOMINAL).verdict == "no_gap"
 
 
+def test_a_steer_that_is_told_too_large_may_be_tyres_and_one_too_small_is_its_scale():
+    ride = simulate_ride(NOMINAL, short(), 24)
+
+    def told(scale):
+        return run_of(ride, lambda table: table.assign(steer=table["steer"] * scale))
+
+    found = diagnose_rides([told(1.1)], NOMINAL)
+    assert found.verdict == "unknown"
+    assert "tyres that slip sideways" in found.sentence
+    assert (found.causes[0].effect, found.causes[0].location) == ("sensor_scale", "steer")
+    found = diagnose_rides([told(0.9)], NOMINAL)
+    assert found.verdict == "identified"
+    assert (found.causes[0].effect, found.causes[0].location) == ("sensor_scale", "steer")
+
+
 def test_no_filter_looks_like_an_effect_however_lively_the_ride():
     """Pitch and its rate are products of lean and steer: what a filter leaves of those is not what it leaves
     of the products. A tight slalom at 4.5 m/s, leaning 0.2 rad to either side, without noise."""

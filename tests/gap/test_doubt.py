@@ -96,7 +96,7 @@ def test_an_encoder_that_jumps_now_and_then_is_a_gap_and_none_of_the_catalogue()
     assert "axis.position" in found.sentence
 
 
-@pytest.mark.parametrize(("signal", "blow"), [("axis.position", 0.012), ("axis.force", 24000.0)])
+@pytest.mark.parametrize(("signal", "blow"), [("axis.position", 0.012), ("axis.force", 60000.0)])
 def test_one_blow_harder_than_any_late_frame_is_a_gap(signal: str, blow: float):
     frame = record()
     answered = frame.index[frame[signal].notna()]
@@ -172,7 +172,7 @@ def test_what_leaves_unseen_data_further_off_is_not_there(monkeypatch, after, is
     monkeypatch.setattr(module, "variation", lambda *a: None)
     monkeypatch.setattr(module, "largest_ratio", lambda c, f: 2.0)
     leaf = Leaf("loop_gain", "axis", ("axis.loop_gain.speed",), (), "axis")
-    f = SimpleNamespace(leaves=(leaf,), at_bound=())
+    f = SimpleNamespace(leaves=(leaf,), at_bound=(), names=(), values=np.array([]))
     told = module.Told(0.98, 300.0, Score(("axis.force",), 1.0, after, 1.0, None, None))
     unknown, _ = module.doubt(None, None, f, told, None, 1.0)
     assert (unknown > 0.5) is is_doubtful

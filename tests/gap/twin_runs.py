@@ -23,8 +23,10 @@ def record(
     duration_s: float = 14.0,
     seed: int = 1,
     share: float = 1.0,
+    step_m: float | None = None,
 ) -> pd.DataFrame:
-    """What the axis with `effects` would have recorded: slow reversals, then a sum of faster sines.
+    """What the axis with `effects` would have recorded: slow reversals, then a sum of faster sines; a drive
+    that rounds its setpoints to `step_m`, where that is given.
 
     Each drive answers position and force in turn, 20 ms apart each, as its rig file's bus does.
     """
@@ -38,7 +40,8 @@ def record(
     answered = sent + rig.bus.answer_delay + 0.0012
     stamps = {"axis.position": answered[::2], "axis.force": answered[1::2]}
     twin = Twin(rig.model_copy(update={"effects": effects}))
-    values = twin.replay({"axis": (sent, told)}, stamps)
+    heard = told if step_m is None else step_m * np.round(told / step_m)
+    values = twin.replay({"axis": (sent, heard)}, stamps)
     columns = [pd.DataFrame({"t": sent, "axis.setpoint": told})]
     for name, t in stamps.items():
         spread, step = (

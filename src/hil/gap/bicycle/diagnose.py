@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
@@ -41,16 +42,21 @@ OTHERWISE: Final = 0.05
 TWINS: Final = {
     "bicycle.front_suspension": (0.25, "an IMU whose bracket bends"),
     "bicycle.tyre_compliance": (0.15, "an IMU whose bracket bends"),
-    "steer.sensor_scale": (0.3, "tyres that slip sideways"),
+    "steer.sensor_scale": (0.55, "tyres that slip sideways"),
     "imu.accel_x.sensor_scale": (0.25, "an IMU whose bracket bends"),
     "imu.accel_y.sensor_scale": (0.25, "an IMU whose bracket bends"),
     "lean.sensor_scale": (0.25, "an inclinometer that swings out in curves"),
 }
 """The same of effects that something outside the catalogue looks like on any ride, and what that is: a
 bracket that bends pitches the IMU when the fork would dive and turns gravity into its axes in proportion to
-what they feel, tyres that slip sideways turn a bicycle as a scale of its steer angle does, and an
-inclinometer that feels curves tells less of the lean that they need [set on used-up exams and rides of
-another world: about half of these that were named were not there, most of them for such a thing]."""
+what they feel, tyres that slip sideways turn a bicycle less than its steer angle says, as a scale above 1
+of that does, and an inclinometer that feels curves tells less of the lean that they need [set on used-up
+exams and rides of another world: about half of these that were named were not there, most of them for such a
+thing; of eight scales of the steer above 1, six were tyres]."""
+OF_SETS: Final = 0.3
+"""The same at most for sets, whose other effects would stand all the same."""
+SLIGHT: Final = 0.1
+"""By how much more than for that alone a cause may be in doubt, for the sentence to speak of it."""
 LARGE: Final = 3.0
 """Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
 HOLDS: Final = 0.05
@@ -227,7 +233,7 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
     part, sentence = again(best, found.score.signals), found.sentence
     if effects:
         _, sentence = judge(effects, causes, found.unknown, part.shrink)
-        others = sorted({TWINS[x.name][1] for x in best.leaves if x.name in TWINS})
+        others = sorted({text for _, text in _twins(best)})
         sentence += "".join(f" On a ride {x} would look the same." for x in others)
     return replace(
         found,
@@ -237,6 +243,17 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
         score=part,
         score_all=again(best, e.problem.signals),
     )
+
+
+def _twins(best: Fit) -> list[tuple[float, str]]:
+    """Of effects of a fit that something outside the catalogue looks like, its chance and its name."""
+    value = dict(zip(best.names, best.values.tolist(), strict=True))
+    turns_more = value.get("steer.sensor_scale.scale", math.inf) < 1.0
+    most = 1.0 if len(best.leaves) == 1 else OF_SETS
+    return [
+        (min(TWINS[x.name][0], most), TWINS[x.name][1]) for x in best.leaves
+        if x.name in TWINS and not (x.name == "steer.sensor_scale" and turns_more)
+    ]  # fmt: skip
 
 
 def _leaves_as_much(c: Calibrated, best: Fit, unseen: Score) -> bool:
@@ -285,7 +302,7 @@ def _by_energy(found: Diagnosis) -> Diagnosis:
     worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
     if unseen is not None and _leaves_as_much(c, best, unseen):
         worth = None if worth is None or worth < BORNE_OUT[0] else worth
-    least = max([OTHERWISE, *(TWINS[x.name][0] for x in best.leaves if x.name in TWINS)])
+    least, twin = max([(OTHERWISE, ""), *_twins(best)])
     others = other_than_steps(best)
     unknown = chance(share, least_explained(worth, EXPLAINED), least) if others else least
     if others and worth is not None and worth < (HOLDS if len(others) == 1 else SEVERAL_HOLD):
@@ -298,6 +315,12 @@ def _by_energy(found: Diagnosis) -> Diagnosis:
     )
     shrink = None if unseen is None else unseen.shrink
     verdict, sentence = judge(chosen, causes, unknown, shrink)
+    if verdict == "unknown" and unknown < least + SLIGHT:
+        names = " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in chosen)
+        sentence = (
+            f"A gap that something outside the catalogue makes more often than {names}, which these rides "
+            f"cannot tell from it: {twin}."
+        )
     return replace(
         found,
         verdict=verdict,

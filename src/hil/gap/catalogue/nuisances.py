@@ -7,6 +7,7 @@ a nuisance at its bound is an alarm: the rig file is wrong there, or an effect p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
@@ -27,10 +28,13 @@ COULOMB: Final = 0.06
 """Of the rig file's own Coulomb friction: it follows wear, oil and load [R]."""
 DELAY_S: Final = 0.0002
 """A setpoint's way to its drive: mean wait on the bus and phase of the drive's ticks [R]."""
-LATENCY_S: Final = 0.00015
-"""A drive's answers: mean wait of request and answer on the bus, and a tick told one too far [R]."""
+LATENCY_S: Final = {"position": 0.00015, "velocity": 0.00015, "force": 0.00017, "current": 0.00017}
+"""A drive's answers: mean wait of request and answer on the bus, and a tick told one too far; forces swing
+within each tick, and half of one must be within their bound (`hil.gap.located.phase`) [R]."""
+ZERO: Final = 0.5
+"""Of one sample's noise: what is left of an encoder's and a current sensor's zero [R]."""
 FORCE_BIAS: Final = 0.0005
-"""Of the largest force: offset of a current sensor [R], but no less than half the force's noise."""
+"""Of the largest force: offset of a current sensor [R], where that is more."""
 TILT_RAD: Final = 0.002
 """The base against level: a spirit level [R]."""
 IMU_BIAS: Final = 0.5
@@ -63,7 +67,7 @@ class Nuisance:
 
 
 def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, ...]:
-    """Mass, its place, a pendulum's inertia, viscous friction, delays, level, offsets of forces and IMU.
+    """Mass, its place, a pendulum's inertia, viscous friction, delays, level, offsets of all sensors.
 
     Only those that the recorded `signals` can feel are given.
     """
@@ -83,13 +87,18 @@ def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, .
         out.append(Nuisance(f"{a.name}.coulomb_friction.force", COULOMB * a.coulomb, "N"))
         if rig.bus.setpoint_delay > 0.0:
             out.append(Nuisance(f"{a.name}.transport_delay.delay", DELAY_S, "s"))
-        for quantity in ("position", "velocity", "force", "current"):
+        for quantity, sd in LATENCY_S.items():
             if f"{a.name}.{quantity}" in known:
                 delay = f"{a.name}.{quantity}.sensor_latency.delay"
-                out.append(Nuisance(delay, LATENCY_S, "s"))
-        if f"{a.name}.force" in known:
-            sd = max(0.5 * rig.noise.force, FORCE_BIAS * a.force_max)
-            out.append(Nuisance(f"{a.name}.force.sensor_bias.offset", sd, "N"))
+                out.append(Nuisance(delay, sd, "s"))
+        per_ampere = a.force_per_ampere or math.inf
+        for quantity, sd, unit in (
+            ("position", ZERO * rig.noise.position, "m"),
+            ("force", max(ZERO * rig.noise.force, FORCE_BIAS * a.force_max), "N"),
+            ("current", max(ZERO * rig.noise.current, FORCE_BIAS * a.force_max / per_ampere), "A"),
+        ):
+            if f"{a.name}.{quantity}" in known:
+                out.append(Nuisance(f"{a.name}.{quantity}.sensor_bias.offset", sd, unit))
     for signal in sorted(s for s in known if s.startswith("imu.")):
         gyro = signal.startswith("imu.gyro")
         sd = IMU_BIAS * (rig.noise.gyro if gyro else rig.noise.accel)

@@ -178,9 +178,12 @@ def _isclear(
     """Whether effects of `gain` nats that move a signal by `trace` floors, save so many nats of priors and
     explain `share` of what stands without them, are neither chance nor trifle. Frames that were lost have
     each earned their odds."""
-    if saved > a.saved or all(leaf.effect == LOST for leaf in leaves):
+    if all(leaf.effect == LOST for leaf in leaves):
         return gain > a.nats
-    if all(leaf.effect in ALWAYS for leaf in leaves):
+    acts_always = all(leaf.effect in ALWAYS for leaf in leaves)
+    if saved > a.saved and (trace > a.always_faint or not acts_always):
+        return gain > a.nats
+    if acts_always:
         least = MOST[0] if gain > a.certain else MOST[1]
         if gain > a.nearly and trace > a.always_faint and share() > least:
             return True

@@ -57,6 +57,9 @@ WAVE_VARIES: Final = 0.04
 """The same for WAVES."""
 AT_BOUND: Final = 0.8
 """Chance of an effect all of whose parameters want more than any rig has."""
+WAVE_EXPLAINED: Final = 0.75
+"""Share that a wave must explain, half of the time, however much goes off unseen data: a saw's first harmonic
+takes three fifths of it, waves of five worlds 0.96 and more."""
 STEEP: Final = 0.25
 """How gradually, in the logarithm of that share."""
 
@@ -111,6 +114,11 @@ def doubt(
         struck = all(leaf.effect in MOMENTS for leaf in others)
         holds = float(np.interp(told.share, OFTEN if struck else WELL, (HOLDS, HARMLESS)))
         other = max(other, chance(part.shrink, holds))
+    waves = [x for x in others if x.effect in WAVES and f"{x.name}.period" in f.names]
+    if any(_never_turns(c, f, leaf) for leaf in waves):
+        other = max(other, AT_BOUND)
+    if waves and len(waves) == len(f.leaves):
+        other = max(other, chance(told.share, WAVE_EXPLAINED))
     if part.after > HARM[0] * part.before and len(others) == len(f.leaves):
         other = max(other, HARM[1])
     once = largest_ratio(c, none) < RARE and all(leaf.effect in EVENTS for leaf in others)
@@ -127,6 +135,19 @@ def doubt(
 def is_beyond(leaves: Sequence[Leaf], f: Fit) -> bool:
     """Whether all parameters of one of `leaves` want more than any rig has."""
     return any(all(n in f.at_bound for n in leaf.parameters) for leaf in leaves)
+
+
+def _never_turns(c: Calibrated, f: Fit, leaf: Leaf) -> bool:
+    """Whether the rig nowhere travels a whole period of a wave: whatever bends once with place looks like
+    one."""
+    period = float(f.values[f.names.index(f"{leaf.name}.period")])
+    p = c.problem
+    travel = [
+        float(np.ptp(p.measured[x.part]))
+        for x in p.series
+        if x.actuator == leaf.location and x.quantity == "position"
+    ]
+    return bool(travel) and max(travel) < period
 
 
 def least_explained(shrink: float | None, usual: float = EXPLAINED) -> float:

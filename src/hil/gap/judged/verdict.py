@@ -34,13 +34,16 @@ SURE: Final = 0.8
 """Probability from which on one candidate is the verdict."""
 LARGE: Final = 2.0
 """Floors on any signal that its usual residual, wild samples aside, must stand above to be a gap alone."""
-BANDS: Final = {"force": 5.5, "current": 5.5, "position": 4.5, "velocity": 4.5}
+BANDS: Final = {"force": 5.5, "current": 5.5}
 """Floors that one band of a signal up to SLOW_HZ stands above its own, everywhere or in a region, to be a gap
-alone: slow drags are small beside the whole noise and tower above that of their band. What an IMU has there
-are its own slow errors, and what friction of another law does at reversals is faster [set on the diagnoses of
-exams 114 to 118 and of the worlds of others: forces 4.8 at most, positions 3.8; told by
-`benchmarks.gap_signs`]."""
+alone: slow drags are small beside the whole noise and tower above that of their band. What a position has
+there are micrometres of its zero, what an IMU has its own slow errors, and what friction of another law does
+at reversals is faster [set on the diagnoses of exams 114 to 118 and of other worlds: 4.8 at most; told
+by `benchmarks.gap_signs`]."""
 SLOW_HZ: Final = 1.0
+BESIDES: Final = 1.3
+"""Floors, all bands together, that such a signal stands besides where the band does so in one region only:
+where noise is low, friction that differs as a healthy rig's may towers above it in a few reversals."""
 UNTOLD: Final = 0.1
 """Chance of something unknown up to which what acts now and then, not beyond doubt, is a gap though unseen
 data have none of it [set on the used-up exam of seed 114: those that were there had 0.04 at most, one that
@@ -153,10 +156,12 @@ def stands(located: Located, c: Calibrated, none: Fit) -> bool:
 
 def _loudest(located: Located) -> Place | None:
     """Of the bands of drives' signals that are gap alone, by BANDS, the one that stands highest."""
+    whole = {s.signal: s.ratio for s in located.signals}
     loud = {
         p: p.rms / p.noise_floor
         for p in located.where
         if p.band_hz[1] <= SLOW_HZ
+        and (p.region == "everywhere" or whole[p.signal] > BESIDES)
         and p.rms > BANDS.get(p.signal.rpartition(".")[2], math.inf) * p.noise_floor
     }
     return max(loud, key=lambda p: loud[p], default=None)

@@ -18,6 +18,7 @@ from hil.config import AxisGeometry, RigFile
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
 from hil.gap.floor.noise import NoiseModel, find_noise, projected
 from hil.gap.located.cells import Cells, count_cells
+from hil.gap.located.phase import begun
 from hil.gap.located.residual import Refit, refit
 from hil.gap.located.result import RATIO, Evidence, Located, Place, SignalGap, interval, unit_of
 from hil.gap.located.sanity import Finding, check_answers, check_runs, refuse
@@ -75,7 +76,7 @@ def locate(
     problem = smooth.with_clocks(find_clocks(smooth))
     chosen = nuisances or default_nuisances(rig, problem.signals)
     guess = find_noise(problem, problem.base, rng, count=2)
-    best = refit(problem, guess, chosen)
+    best = refit(problem, guess, chosen, begun(problem, guess, chosen))
     found = find_noise(
         problem, best.vector, rng, repeats=find_repeats(problem), residual=best.residual,
         healthy=None if healthy is None else healthy.evidence.noise.levels,

@@ -1,0 +1,34 @@
+"""What healthy rigs have that no rig file tells is no gap, and what bends once with place is no wave."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.gap import diagnose
+from tests.gap.twin_runs import AXIS, effect, record
+
+
+def test_a_zero_that_is_off_by_half_of_one_answers_noise_is_no_gap() -> None:
+    frame = record()
+    frame["axis.position"] += 0.5 * AXIS.noise.position
+    assert diagnose(frame, AXIS).verdict == "no_gap"
+
+
+@pytest.mark.parametrize("late_s", [-0.5e-3, 0.5e-3])
+def test_a_force_read_half_a_tick_from_where_the_twin_reads_it_is_no_gap(late_s: float) -> None:
+    frame = record(effect("sensor_latency", "axis.force", delay=late_s))
+    assert diagnose(frame, AXIS).verdict == "no_gap"
+
+
+def test_setpoints_that_are_rounded_to_a_millimetre_are_no_error_of_the_lead() -> None:
+    assert diagnose(record(step_m=1e-3), AXIS).verdict == "unknown"
+
+
+def test_a_spring_beside_the_drive_is_no_ripple() -> None:
+    frame = record()
+    told = frame[["t", "axis.setpoint"]].dropna()
+    place = np.interp(frame["t"], told["t"], told["axis.setpoint"])
+    frame["axis.force"] += 1500.0 * place
+    found = diagnose(frame, AXIS)
+    assert found.verdict == "unknown"
