@@ -167,15 +167,24 @@ def test_a_limit_that_leaves_much_must_show_in_unseen_data(effect_name, shrink, 
     assert _is_unseen(f, SimpleNamespace(shrink=shrink), unknown) is is_unseen
 
 
-@pytest.mark.parametrize(("after", "is_doubtful"), [(1.0, False), (1.04, False), (1.1, True)])
-def test_what_leaves_unseen_data_further_off_is_not_there(monkeypatch, after, is_doubtful):
+def doubted(monkeypatch, share: float, gain: float, after: float, shrink: float | None) -> float:
+    """The chance that a fit which nothing contradicts is none of the catalogue; unseen data begin at one."""
     monkeypatch.setattr(module, "variation", lambda *a: None)
     monkeypatch.setattr(module, "largest_ratio", lambda c, f: 2.0)
     leaf = Leaf("loop_gain", "axis", ("axis.loop_gain.speed",), (), "axis")
     f = SimpleNamespace(leaves=(leaf,), at_bound=(), names=(), values=np.array([]))
-    told = module.Told(0.98, 300.0, Score(("axis.force",), 1.0, after, 1.0, None, None))
-    unknown, _ = module.doubt(None, None, f, told, None, 1.0)
-    assert (unknown > 0.5) is is_doubtful
+    told = module.Told(share, gain, Score(("axis.force",), 1.0, after, 0.5, shrink, None))
+    return module.doubt(None, None, f, told, None, 1.0)[0]
+
+
+@pytest.mark.parametrize(("after", "is_doubtful"), [(1.0, False), (1.04, False), (1.1, True)])
+def test_what_leaves_unseen_data_further_off_is_not_there(monkeypatch, after, is_doubtful):
+    assert (doubted(monkeypatch, 0.98, 300.0, after, None) > 0.5) is is_doubtful
+
+
+@pytest.mark.parametrize(("shrink", "is_doubtful"), [(0.97, False), (0.85, True)])
+def test_few_nats_are_no_chance_where_unseen_data_lose_their_gap(monkeypatch, shrink, is_doubtful):
+    assert (doubted(monkeypatch, 0.97, 1.3, 1.0 - shrink, shrink) > 0.5) is is_doubtful
 
 
 def test_between_impacts_a_gap_is_explained_whatever_the_impacts_leave():

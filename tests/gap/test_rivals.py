@@ -79,23 +79,37 @@ def test_a_law_with_freedom_that_nothing_asks_for_is_behind_however_large_the_ga
     assert max(others[1:], default=0.0) < 0.1
 
 
-def test_a_spring_that_an_imu_alone_feels_is_asked():
-    spring = SimpleNamespace(
-        effect="compliance", location="axis", parameters=("axis.compliance.stiffness",)
-    )
-    sizes = {"axis.force": 1.1, "imu.accel_x": 3.0}
+def asked(
+    sizes: dict[str, float], floors: dict[str, float], promise: dict[str, float]
+) -> list[str]:
+    """The springs that are asked where signals of `sizes` have `floors`, by actuator."""
+    springs = [
+        Leaf("compliance", a, (f"{a}.compliance.stiffness",), (), a)
+        for a in (s.partition(".")[0] for s in sizes)
+        if a != "imu"
+    ]
     series = [SimpleNamespace(signal=s, actuator=s.partition(".")[0]) for s in sizes]
 
-    def asked(floors: dict[str, float]) -> list[object]:
-        def rms(_, some: str) -> dict[str, float]:
-            return floors if some == "draws" else sizes
+    def rms(_, some: str) -> dict[str, float]:
+        return floors if some == "draws" else sizes
 
-        noise = SimpleNamespace(draws="draws", rms=rms, weighted_rms=rms)
-        c = SimpleNamespace(problem=SimpleNamespace(series=series), noise=noise)
-        return suspects(c, SimpleNamespace(residual="residual"), [spring])
+    noise = SimpleNamespace(draws="draws", rms=rms, weighted_rms=rms)
+    c = SimpleNamespace(problem=SimpleNamespace(series=series), noise=noise)
+    left = SimpleNamespace(residual="residual")
+    return [x.location for x in suspects(c, left, springs, promise=promise)]
 
-    assert asked(dict.fromkeys(sizes, 1.0)) == [spring]
-    assert asked({"axis.force": 1.0, "imu.accel_x": 2.0}) == []
+
+def test_a_spring_that_an_imu_alone_feels_is_asked():
+    sizes = {"axis.force": 1.1, "imu.accel_x": 3.0}
+    assert asked(sizes, dict.fromkeys(sizes, 1.0), {}) == ["axis"]
+    assert asked(sizes, {"axis.force": 1.0, "imu.accel_x": 2.0}, {}) == []
+
+
+def test_springs_that_shake_an_imu_go_by_what_they_promise_and_others_by_what_their_drives_leave():
+    promise = {f"leg{k}.compliance": float(k) for k in range(1, 5)}
+    for shaken, order in ((9.0, ["leg4", "leg3", "leg2"]), (3.0, ["leg1", "leg2"])):
+        sizes = {f"leg{k}.force": 5.0 - k for k in range(1, 5)} | {"imu.gyro_z": shaken}
+        assert asked(sizes, dict.fromkeys(sizes, 1.0), promise) == order
 
 
 @pytest.mark.parametrize(("prior", "is_whole"), [(2.0, True), (15.0, False)])

@@ -109,7 +109,7 @@ def doubt(
     part = told.part
     stands = part.before > STANDS * part.floor and len(others) == len(f.leaves)
     if part.shrink is not None and stands:
-        if told.gain > CHANCE:
+        if told.gain > CHANCE or part.shrink > BORNE_OUT[1]:
             other = chance(told.share, least_explained(part.shrink))
         struck = all(leaf.effect in MOMENTS for leaf in others)
         holds = float(np.interp(told.share, OFTEN if struck else WELL, (HOLDS, HARMLESS)))

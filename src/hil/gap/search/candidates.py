@@ -73,7 +73,8 @@ def _single_fits(
     say: Report,
 ) -> list[Fit]:
     out = []
-    for k, p in enumerate(_worth_a_fit(search.alone(), leaves)):
+    proposals = search.alone()
+    for k, p in enumerate(_worth_a_fit(proposals, leaves)):
         leaf = leaves[p.leaves[0]]
         say(f"fitting {leaf.name} ({k + 1})")
         start = search.felt(changes_of([leaf], p.starts, c.problem))
@@ -84,7 +85,8 @@ def _single_fits(
     well = max((explained(c, none, f) for f in out), default=0.0)
     held = struck(c, min((none, *out), key=lambda f: f.total(c)))
     if well < POORLY or held:
-        for f in _replayed(c, none, leaves, held, say):
+        promise = {leaves[p.leaves[0]].name: p.gain for p in proposals}
+        for f in _replayed(c, none, suspects(c, none, leaves, held, promise), say):
             same = [x for x in out if x.leaves == f.leaves]
             if all(f.total(c) < x.total(c) for x in same):
                 out = [*(x for x in out if x not in same), f]
@@ -113,13 +115,11 @@ def alone_again(c: Calibrated, fits: Sequence[Fit], say: Report) -> list[Fit]:
     return out
 
 
-def _replayed(
-    c: Calibrated, none: Fit, leaves: Sequence[Leaf], held: Collection[str], say: Report
-) -> list[Fit]:
-    """Springs, gaps and limits that a scan finds where nothing explains the gap, or where actuators are
-    `held` off beside what does: no column shows them."""
+def _replayed(c: Calibrated, none: Fit, suspected: Sequence[Leaf], say: Report) -> list[Fit]:
+    """Springs, gaps and limits that a scan finds where nothing explains the gap, or where actuators are held
+    off beside what does: no column shows them."""
     out = []
-    for leaf in suspects(c, none, leaves, held):
+    for leaf in suspected:
         say(f"looking for {leaf.name} by replays")
         start = least_left(c, none, leaf)
         found = fit(c, [leaf], start) if start else None

@@ -8,7 +8,7 @@ where the rig was free. Only a replay of each tells.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -34,6 +34,8 @@ KNOCKS: Final = 1.2
 """The same of gaps and limits: flanks meet, and limits are hit, for moments."""
 MOST: Final = 2
 """Actuators that are asked for each: those whose signals stand most above their floors."""
+SHAKEN: Final = 3
+"""Actuators that are asked for springs where an IMU is shaken most: drives tell little of whose it is."""
 
 
 def struck(c: Calibrated, f: Fit) -> frozenset[str]:
@@ -43,19 +45,26 @@ def struck(c: Calibrated, f: Fit) -> frozenset[str]:
 
 
 def suspects(
-    c: Calibrated, none: Fit, leaves: Sequence[Leaf], held: Collection[str] = ()
+    c: Calibrated,
+    none: Fit,
+    leaves: Sequence[Leaf],
+    held: Collection[str] = (),
+    promise: Mapping[str, float] | None = None,
 ) -> list[Leaf]:
     """The springs, gaps and limits among `leaves` where most is left without effects, worst first; before all
-    others those of actuators that are `held` off."""
+    others those of actuators that are `held` off. Where an IMU is shaken most, springs go by what they
+    `promise` in the linear picture, by name."""
     over = _over(c, none.residual)
     worst: dict[str, float] = {}
     for x in c.problem.series:
         worst[x.actuator] = max(worst.get(x.actuator, 0.0), over[x.signal])
     ranked = sorted(leaves, key=lambda x: (x.location not in held, -worst.get(x.location, 0.0)))
     shaken = worst.get("imu", 0.0)  # by whichever actuator
+    most = max((v for a, v in worst.items() if a != "imu"), default=0.0)
+    told, asked = (promise or {}, SHAKEN) if shaken > most else ({}, MOST)
     springs = [
         x
-        for x in ranked
+        for x in sorted(ranked, key=lambda x: -told.get(x.name, 0.0))
         if is_swinging(x.parameters) and max(worst.get(x.location, 0.0), shaken) > STANDS
     ]
     hit = [
@@ -63,7 +72,7 @@ def suspects(
     ]
     gaps = [x for x in hit if x.effect in FLANKS]
     limits = [x for x in hit if x.effect in LIMITS]
-    return springs[:MOST] + gaps[:MOST] + limits[:MOST]
+    return springs[:asked] + gaps[:MOST] + limits[:MOST]
 
 
 def _over(c: Calibrated, residual: Array) -> dict[str, float]:
