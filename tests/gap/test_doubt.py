@@ -167,11 +167,18 @@ def test_a_limit_that_leaves_much_must_show_in_unseen_data(effect_name, shrink, 
     assert _is_unseen(f, SimpleNamespace(shrink=shrink), unknown) is is_unseen
 
 
-def doubted(monkeypatch, share: float, gain: float, after: float, shrink: float | None) -> float:
-    """The chance that a fit which nothing contradicts is none of the catalogue; unseen data begin at one."""
+def doubted(
+    monkeypatch,
+    share: float,
+    gain: float,
+    after: float,
+    shrink: float | None,
+    effect: str = "loop_gain",
+) -> float:
+    """The chance that a fit of which nothing varies is none of the catalogue; unseen data begin at one."""
     monkeypatch.setattr(module, "variation", lambda *a: None)
     monkeypatch.setattr(module, "largest_ratio", lambda c, f: 2.0)
-    leaf = Leaf("loop_gain", "axis", ("axis.loop_gain.speed",), (), "axis")
+    leaf = Leaf(effect, "axis", (f"axis.{effect}.size",), (), "axis")
     f = SimpleNamespace(leaves=(leaf,), at_bound=(), names=(), values=np.array([]))
     told = module.Told(share, gain, Score(("axis.force",), 1.0, after, 0.5, shrink, None))
     return module.doubt(None, None, f, told, None, 1.0)[0]
@@ -185,6 +192,16 @@ def test_what_leaves_unseen_data_further_off_is_not_there(monkeypatch, after, is
 @pytest.mark.parametrize(("shrink", "is_doubtful"), [(0.97, False), (0.85, True)])
 def test_few_nats_are_no_chance_where_unseen_data_lose_their_gap(monkeypatch, shrink, is_doubtful):
     assert (doubted(monkeypatch, 0.97, 1.3, 1.0 - shrink, shrink) > 0.5) is is_doubtful
+
+
+@pytest.mark.parametrize(
+    ("effect", "shrink", "is_doubtful"),
+    [("force_ripple", 0.22, True), ("force_ripple", 0.45, False), ("loop_gain", 0.22, False)],
+)
+def test_a_wave_must_show_at_other_places(monkeypatch, effect, shrink, is_doubtful):
+    assert (
+        doubted(monkeypatch, 0.97, 265.0, 1.0 - 0.5 * shrink, shrink, effect) > 0.5
+    ) is is_doubtful
 
 
 def test_between_impacts_a_gap_is_explained_whatever_the_impacts_leave():

@@ -22,7 +22,7 @@ def test_a_spring_that_swings_between_the_starts_is_found() -> None:
 
 def test_a_spring_that_stiffens_and_swings_far_is_found() -> None:
     spring = effect("compliance", stiffness=9e4, damping=250.0, hardening=0.5)
-    found = diagnose(record(spring, duration_s=20.0), AXIS)
+    found = diagnose(record(spring, duration_s=12.0), AXIS)
     assert [x.effect for x in found.effects] == ["compliance"]
     assert found.effects[0].parameters["stiffness"].value == pytest.approx(9e4, rel=0.15)
 

@@ -26,7 +26,7 @@ def with_effects(rig: RigFile, *effects: Effect) -> RigFile:
 
 
 def residuals(rig: RigFile, twin_of: RigFile, folder) -> dict[str, np.ndarray]:
-    path = record_ride(rig, rig_toml(rig), PROFILES, ride_cues(rig, 10.0), folder)
+    path = record_ride(rig, rig_toml(rig), PROFILES, ride_cues(rig, 5.0), folder)
     (stretch,) = stretches(load_run(path))
     twin = Twin(twin_of)
     replay = replay_of(twin, stretch, stretch.samples)

@@ -103,7 +103,7 @@ def consider(
     whole = e.problem
     parts = split(whole, e.noise, e.residual)
     chosen = tuple(nuisances or default_nuisances(whole.rig, whole.signals))
-    steps = {} if "sensor_quantisation" in without else coarse_steps(whole)
+    steps = {} if "sensor_quantisation" in without else coarse_steps(whole, e.residual)
     c, none = begin(e, parts, chosen, steps, seed)
     say("computing what each candidate would do")
     bank = candidates_of(c, none, without)

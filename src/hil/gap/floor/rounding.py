@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.gap.floor.blurred import blurred_step
 from hil.gap.floor.draws import sensor_noise
 from hil.gap.floor.noise import NoiseModel
 from hil.gap.record.problem import Problem
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 
 COARSER: Final = 1.8
 """Times the rig file's own step, or the noise, from which on steps are an effect."""
+BLURRED: Final = 2.5
+"""Times the noise, from which on steps can be seen through it."""
 ON_GRID: Final = 0.99
 OFF: Final = 0.03
 """Of a step, that a value may lie beside the grid."""
@@ -30,16 +33,22 @@ RETURNS: Final = 6
 """Changes between two levels from which on they are steps: a sensor that dies changes once."""
 
 
-def coarse_steps(problem: Problem) -> dict[str, float]:
-    """By signal, the step that its values keep to, where that is coarser than rig file and noise allow."""
+def coarse_steps(problem: Problem, residual: Array) -> dict[str, float]:
+    """By signal, the step that its values keep to, where that is coarser than rig file and noise allow.
+
+    `residual`: (N,), what the twin leaves of all samples; it tells of steps that noise has blurred.
+    """
     out = {}
     for signal in problem.signals:
-        values = np.concatenate(
-            [problem.measured[x.part] for x in problem.series if x.signal == signal]
-        )
+        mine = np.concatenate([np.r_[x.part] for x in problem.series if x.signal == signal])
+        values = problem.measured[mine]
         quantity = signal.partition(".")[2].partition("_")[0]
         spread, own = sensor_noise(problem.rig, quantity)
         step = step_of(values, own)
+        if step is None or not is_coarse(step, spread, own):
+            kept = mine[problem.kept[mine]]
+            finest = max(COARSER * own, BLURRED * spread)
+            step = blurred_step(problem.measured[kept], residual[kept], spread, finest)
         if step is not None and is_coarse(step, spread, own):
             out[signal] = step
     return out

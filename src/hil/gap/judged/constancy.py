@@ -68,7 +68,7 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
     rows = c.train
     answer = c.problem.measured - f.residual
     columns = sensitivities(c, f.vector, answer, f.names)
-    spread = spread_of(c, f.white)
+    spread = np.maximum(spread_of(c, f.white), _usual(c.problem, f.white))[rows]
     cut = CUT * spread
     left = np.clip(f.white[rows], -cut, cut)
     explained = 0.5 * float(np.sum(np.clip(none.white[rows], -cut, cut) ** 2 - left**2))
@@ -94,6 +94,14 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
     )
     beyond = least - 0.5 * worth * varied.shape[1]
     return replace(most, share=min(most.share, max(beyond, 0.0) / explained))
+
+
+def _usual(problem: Problem, white: Array) -> Array:
+    """Of each sample (N,), what is usually left of its series, as the spread of noise that leaves as much."""
+    out = np.zeros(problem.size)
+    for x in problem.series:
+        out[x.part] = np.median(np.abs(white[x.part])) / 0.6745
+    return out
 
 
 def _others(c: Calibrated, f: Fit, bank: Bank) -> list[Array]:

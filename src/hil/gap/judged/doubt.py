@@ -44,6 +44,9 @@ another motion, and an effect that explains all of what was seen is there all th
 OFTEN: Final = (0.6, 0.85)
 """The same of what acts in MOMENTS."""
 HARMLESS: Final = -0.1
+WAVE_HOLDS: Final = 0.33
+"""The same of waves alone, which act at all times: one that swells along the stroke took 0.22 off unseen data
+of another place, true ones 0.45 and more [set on used-up exams and four worlds]."""
 HARM: Final = (1.06, 0.9)
 """Times what unseen data were off without it, and the chance that what leaves them further off is not there
 [set on used-up exams]."""
@@ -112,7 +115,8 @@ def doubt(
         if told.gain > CHANCE or part.shrink > BORNE_OUT[1]:
             other = chance(told.share, least_explained(part.shrink))
         struck = all(leaf.effect in MOMENTS for leaf in others)
-        holds = float(np.interp(told.share, OFTEN if struck else WELL, (HOLDS, HARMLESS)))
+        least = WAVE_HOLDS if all(leaf.effect in WAVES for leaf in others) else HARMLESS
+        holds = float(np.interp(told.share, OFTEN if struck else WELL, (HOLDS, least)))
         other = max(other, chance(part.shrink, holds))
     waves = [x for x in others if x.effect in WAVES and f"{x.name}.period" in f.names]
     if any(_never_turns(c, f, leaf) for leaf in waves):
