@@ -14,10 +14,11 @@ from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import IdentificationError
 from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
-from hil.gap.bicycle.diagnose import _is_further, _leaves_as_much
+from hil.gap.bicycle.diagnose import _is_further
 from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.twin import LEAN_TORQUE
+from hil.gap.bicycle.verdict import leaves_as_much
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.fits.heldout import Score
 from tests.bicycle.rides import run_of
@@ -263,4 +264,4 @@ def test_unseen_rides_that_are_left_as_the_seen_ones_are_contradict_nothing(
     )
     best = SimpleNamespace(residual=np.full(problem.size, 1.5))
     unseen = Score(problem.signals, 2.0 * times, 2.0 * times, 2.0, 0.0, None)
-    assert _leaves_as_much(c, best, unseen) is is_as_much
+    assert leaves_as_much(c, best, unseen) is is_as_much

@@ -1,0 +1,134 @@
+"""The verdict of a ride: by the gap's energy, what unseen rides bear out, and what would look the same."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from hil.gap.fits.fitted import Calibrated, Fit
+from hil.gap.fits.heldout import Score, score
+from hil.gap.judged.clear import other_than_steps
+from hil.gap.judged.diagnosis import Diagnosis
+from hil.gap.judged.doubt import BORNE_OUT, STANDS, chance, least_explained
+from hil.gap.judged.verdict import judge
+
+EXPLAINED: Final = 0.72
+"""Share of a gap's energy that a verdict must explain, half of the time [set on training cases]."""
+OTHERWISE: Final = 0.05
+"""Chance that even what is all explained is none of the catalogue [set on used-up exams]."""
+TWINS: Final = {
+    "bicycle.front_suspension": (0.25, "an IMU whose bracket bends"),
+    "bicycle.tyre_compliance": (0.15, "an IMU whose bracket bends"),
+    "steer.sensor_scale": (0.55, "tyres that slip sideways"),
+    "imu.accel_x.sensor_scale": (0.25, "an IMU whose bracket bends"),
+    "imu.accel_y.sensor_scale": (0.25, "an IMU whose bracket bends"),
+    "lean.sensor_scale": (0.25, "an inclinometer that swings out in curves"),
+}
+"""The same of effects that something outside the catalogue looks like on any ride, and what that is: a
+bracket that bends pitches the IMU when the fork would dive and turns gravity into its axes in proportion to
+what they feel, tyres that slip sideways turn a bicycle less than its steer angle says, as a scale above 1
+of that does, and an inclinometer that feels curves tells less of the lean that they need [set on used-up
+exams and rides of another world: about half of these that were named were not there, most of them for such a
+thing; of eight scales of the steer above 1, six were tyres]."""
+OF_SETS: Final = 0.3
+"""The same at most for sets, whose other effects would stand all the same."""
+SLIGHT: Final = 0.1
+"""By how much more than for that alone a cause may be in doubt, for the sentence to speak of it."""
+HOLDS: Final = 0.05
+SEVERAL_HOLD: Final = 0.7
+"""Held-out shrink below which one effect and a set are withdrawn: with two effects much can be bent to fit
+what was seen [set on training cases]."""
+AS_MUCH: Final = 1.15
+"""Times what is left of the seen data, floors in each, that may be left of unseen ones."""
+UNSAID: Final = 1.38
+"""Floors, tolerances among them, from which on a signal is off although no candidate explains it: how well a
+record tells its own noise, twice over [set on training cases]."""
+
+
+def twins(best: Fit) -> list[tuple[float, str]]:
+    """Of effects of a fit that something outside the catalogue looks like, its chance and its name."""
+    value = dict(zip(best.names, best.values.tolist(), strict=True))
+    turns_more = value.get("steer.sensor_scale.scale", math.inf) < 1.0
+    most = 1.0 if len(best.leaves) == 1 else OF_SETS
+    return [
+        (min(TWINS[x.name][0], most), TWINS[x.name][1]) for x in best.leaves
+        if x.name in TWINS and not (x.name == "steer.sensor_scale" and turns_more)
+    ]  # fmt: skip
+
+
+def leaves_as_much(c: Calibrated, best: Fit, unseen: Score) -> bool:
+    """Whether a fit leaves no more of unseen data than of the seen ones: what it takes off those then is
+    little because little of it is there."""
+    rng = np.random.default_rng(0)
+    seen = score(c.problem, c.noise, best.residual, best.residual, c.train, unseen.signals, rng)
+    return unseen.after * seen.floor <= AS_MUCH * seen.after * unseen.floor
+
+
+def unsaid(found: Diagnosis) -> Diagnosis:
+    """`found`, no gap for want of a candidate; unknown where a signal stands above what noise and tolerances
+    make of it."""
+    over = {s.signal: s.ratio for s in found.located.signals}
+    worst = max(over, key=lambda s: over[s])
+    if over[worst] < UNSAID:
+        return found
+    sentence = (
+        f"A gap that nothing in the catalogue explains: {worst} stands {over[worst]:.1f} times above what "
+        "noise and a healthy bicycle's tolerances make of it, and no candidate has its pattern."
+    )
+    return replace(found, verdict="unknown", sentence=sentence, unknown=1.0)
+
+
+def by_energy(found: Diagnosis) -> Diagnosis:
+    """The same with the chance of an unknown cause by the share of the gap's energy on the training data.
+
+    A ride's gap stands in few seconds, tens of floors high; evidence counts in nats, in which those few
+    seconds are little. What is left of the energy says whether a cause is missing.
+    """
+    c, none, best = found.calibrated, found.none, found.best
+    if c is None or none is None or best is None or not found.causes:
+        return found
+    floors = c.noise.floor(c.problem)
+    energy: dict[str, list[float]] = {}
+    for x in c.problem.series:
+        rows = c.problem.kept[x.part]
+        sums = energy.setdefault(x.signal, [0.0, 0.0, 0.0])
+        sums[0] += float(np.sum(none.residual[x.part][rows] ** 2)) / floors[x.signal] ** 2
+        sums[1] += float(np.sum(best.residual[x.part][rows] ** 2)) / floors[x.signal] ** 2
+        sums[2] += float(rows.sum())
+    was = sum(max(before / n - 1.0, 0.0) for before, _, n in energy.values())
+    left = sum(max(after / n - 1.0, 0.0) for _, after, n in energy.values())
+    share = 1.0 - left / max(was, 1e-9)
+    unseen = found.score
+    worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
+    if unseen is not None and leaves_as_much(c, best, unseen):
+        worth = None if worth is None or worth < BORNE_OUT[0] else worth
+    least, twin = max([(OTHERWISE, ""), *twins(best)])
+    others = other_than_steps(best)
+    unknown = chance(share, least_explained(worth, EXPLAINED), least) if others else least
+    if others and worth is not None and worth < (HOLDS if len(others) == 1 else SEVERAL_HOLD):
+        unknown = max(unknown, 0.9)  # unseen data do not bear it out
+    factor = (1.0 - unknown) / max(1.0 - found.unknown, 1e-12)
+    causes = tuple(replace(x, probability=x.probability * factor) for x in found.causes)
+    chosen = tuple(
+        next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
+        for leaf in best.leaves
+    )
+    shrink = None if unseen is None else unseen.shrink
+    verdict, sentence = judge(chosen, causes, unknown, shrink)
+    if verdict == "unknown" and unknown < least + SLIGHT:
+        names = " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in chosen)
+        sentence = (
+            f"A gap that something outside the catalogue makes more often than {names}, which these rides "
+            f"cannot tell from it: {twin}."
+        )
+    return replace(
+        found,
+        verdict=verdict,
+        sentence=sentence,
+        causes=causes,
+        effects=chosen if verdict != "unknown" else (),
+        unknown=unknown,
+    )
