@@ -5,7 +5,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-benchmarks test-vcan lint types imports check install bench clean
+.PHONY: help run test test-whole test-benchmarks test-vcan lint types imports check install bench clean
 
 help: ## what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -30,7 +30,10 @@ run: $(VENV)/run.stamp ## the simulated motorcycle rig, the daemon and a riding 
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/dev.stamp ## all tests of hil that need no root and no SocketCAN
-	$(PYTEST) --ignore=tests/benchmarks
+	$(PYTEST) --ignore=tests/benchmarks --ignore=tests/whole
+
+test-whole: $(VENV)/dev.stamp ## whole diagnoses, rides and pages, some seconds each
+	$(PYTEST) tests/whole
 
 test-benchmarks: $(VENV)/dev.stamp ## tests of the benchmarks and of the worlds of others
 	$(PYTEST) tests/benchmarks
@@ -48,7 +51,7 @@ types: $(VENV)/dev.stamp ## static types
 imports: $(VENV)/dev.stamp ## imports go down only
 	$(BIN)/lint-imports
 
-check: lint types imports test test-benchmarks ## all of the above
+check: lint types imports test test-whole test-benchmarks ## all of the above
 
 install: ## into PREFIX (/opt/hil) as a service: make install RIG=motorcycle, or RIG=/path/to/rig.toml
 	$(PYTHON) -m venv $(PREFIX)

@@ -33,6 +33,8 @@ def blurred_step(values: Array, residual: Array, spread: float, finest: float) -
     `values`, `residual`: (N,), in the signal's unit, as are `finest` and the noise's `spread`. None where
     there is no such grid, or where rounding to it would leave more than the `residual`.
     """
+    if len(values) < LEVELS:
+        return None
     coarsest = COARSEST * np.sqrt(12.0) * float(np.sqrt(np.mean(residual**2)))
     rate = _nearest(values, finest, min(coarsest, float(np.ptp(values)) / LEVELS))
     if rate is None:
