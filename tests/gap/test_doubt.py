@@ -127,6 +127,19 @@ def test_bangs_that_an_accelerometer_feels_are_a_gap_and_none_of_the_catalogue()
     assert "imu.accel_x" in found.sentence
 
 
+@pytest.mark.parametrize(
+    ("swells", "overtone", "verdict"), [(0.0, 0.3, "identified"), (7.0, 0.0, "unknown")]
+)
+def test_a_wave_may_have_any_shape_but_one_that_swells_along_the_stroke(swells, overtone, verdict):
+    frame = record()
+    told = frame[["t", "axis.position"]].dropna()
+    place_m = np.interp(frame["t"], told["t"], told["axis.position"])
+    turn = 2.0 * np.pi * place_m / 0.012
+    wave = np.sin(turn) + overtone * np.sin(2.0 * turn + 1.0)
+    frame["axis.force"] += 60.0 * (1.0 + swells * place_m) * wave
+    assert diagnose(frame, AXIS).verdict == verdict
+
+
 def test_a_fast_ripple_is_no_noise():
     found = diagnose(record(effect("force_ripple", amplitude=60.0, period=0.005, phase=1.0)), AXIS)
     assert [x.effect for x in found.effects] == ["force_ripple"]

@@ -9,7 +9,9 @@ what these columns take off beyond all that the fit and the nuisances could tell
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -17,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.catalogue.bank import Bank
-from hil.gap.catalogue.nature import DRAG
+from hil.gap.catalogue.nature import DRAG, WAVES
 from hil.gap.fits.fit import sensitivities
 from hil.gap.fits.fitted import Calibrated, Fit, spread_of
 from hil.gap.fits.frames import EFFECT as LOST
@@ -39,6 +41,8 @@ FAINT: Final = 0.004
 """Shares that no doubt comes from, whatever else could explain them."""
 OTHERS: Final = 6
 """Other candidates that are asked whether they explain the same."""
+HARMONICS: Final = (2.0, 3.0)
+"""Of a wave, that its law leaves open."""
 CREEP: Final = 0.05
 """Of the largest speed, up to which the direction of motion is no more than begun."""
 
@@ -75,7 +79,7 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
     if explained <= 0.0:
         return None
     weight = 1.0 / (1.0 + (left / (2.0 * spread)) ** 2)
-    fitted = np.hstack([c.jacobian[rows], columns[rows]])
+    fitted = np.hstack([c.jacobian[rows], columns[rows], _overtones(c, f, leaves)[rows]])
     picture = _Picture(fitted, left, weight)
     motion = c.problem.motion(f.vector)
     out: list[tuple[Variation, Array]] = []
@@ -94,6 +98,24 @@ def variation(c: Calibrated, none: Fit, f: Fit, bank: Bank, worth: float) -> Var
     )
     beyond = least - 0.5 * worth * varied.shape[1]
     return replace(most, share=min(most.share, max(beyond, 0.0) / explained))
+
+
+def _overtones(c: Calibrated, f: Fit, leaves: Sequence[Leaf]) -> Array:
+    """(N, M) whitened: what the next harmonics of each wave among `leaves` would do. Of which shape a wave is
+    no law says, and a shape repeats with each period."""
+    shapes = list(itertools.product(HARMONICS, (0.0, 0.5 * math.pi)))
+    out = []
+    for leaf in leaves:
+        if leaf.effect in WAVES:
+            names = ("amplitude", "period", "phase")
+            amplitude, period, phase = (c.problem.table.index(f"{leaf.name}.{n}") for n in names)
+            rows = np.tile(f.vector, (1 + len(shapes), 1))
+            rows[0, amplitude] = 0.0
+            for row, (harmonic, turn) in zip(rows[1:], shapes, strict=True):
+                row[period], row[phase] = row[period] / harmonic, turn
+            answers = c.problem.answers(rows)
+            out += [x - answers[0] for x in answers[1:] if np.all(np.isfinite(x - answers[0]))]
+    return c.noise.whiten(c.problem, np.array(out).reshape(-1, c.problem.size).T)
 
 
 def _usual(problem: Problem, white: Array) -> Array:

@@ -56,8 +56,6 @@ floors of any signal: a catalogue's effect of another law adds less than 0.003 a
 little is left; its neighbours from outside more than 0.028, or 0.007 where much is left [set on training
 cases of three worlds]."""
 LEAVES: Final = (1.5, 2.2)
-WAVE_VARIES: Final = 0.04
-"""The same for WAVES."""
 AT_BOUND: Final = 0.8
 """Chance of an effect all of whose parameters want more than any rig has."""
 WAVE_EXPLAINED: Final = 0.75
@@ -129,8 +127,7 @@ def doubt(
     varies = None if once else variation(c, none, f, bank, worth)
     if varies is None:
         return other, None
-    left = float(np.interp(largest_ratio(c, f), LEAVES, VARIES))
-    half = WAVE_VARIES if varies.leaf.effect in WAVES else left
+    half = float(np.interp(largest_ratio(c, f), LEAVES, VARIES))
     odds = (half / max(varies.share, 1e-9)) ** (1.0 / STEEP)
     uneven = OTHERWISE + (1.0 - OTHERWISE) / (1.0 + odds)
     return max(other, uneven), varies if uneven > 0.5 else None
