@@ -13,6 +13,7 @@ from hil.gap.floor.loudness import BY_SENSORS, HEALTHY, LOUDEST, Level, level_of
 from hil.gap.floor.noise import find_noise
 from hil.gap.located.locate import locate
 from hil.gap.record.problem import Problem
+from hil.gap.record.repeats import Repeats
 from hil.gap.record.runs import as_runs
 from hil.identify.replay import Stretch, stretches
 from hil.sim import Twin
@@ -45,6 +46,14 @@ def levels(problem, residual, healthy):
 def test_without_a_reference_the_fastest_part_of_a_residual_is_noise(noisy):
     problem, residual = noisy
     assert levels(problem, residual / 2.0, None)["axis.force"] == pytest.approx(1.5, rel=0.1)
+
+
+def test_repeats_of_a_few_samples_leave_the_noise_to_its_model(noisy):
+    problem, residual = noisy
+    few = Repeats("a moment", {"axis.position": (np.arange(9), np.arange(20, 29))})
+    rng = np.random.default_rng(2)
+    found = find_noise(problem, problem.base, rng, repeats=[few], residual=residual, count=2)
+    assert "a moment" not in found.text
 
 
 def test_an_encoder_that_is_far_louder_than_its_file_says_is_a_gap(noisy):

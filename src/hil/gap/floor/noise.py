@@ -231,11 +231,13 @@ def find_noise(
             f", each signal's level times {low:.2g} to {high:.2g} by the fastest part of its residual, "
             "and no louder than all of that"
         )
+    model = replace(from_draws(problem, drawn, "model", text, timing), levels=levels)
     if not repeats or residual is None:
-        return replace(from_draws(problem, drawn, "model", text, timing), levels=levels)
+        return model
     by_level = {s: level.factor for s, level in levels.items()}
-    sigma = from_draws(problem, drawn, "model", text, timing).sigma
-    scaled, by_signal = by_repeats(problem, drawn, repeats, residual, by_level, sigma)
+    scaled, by_signal = by_repeats(problem, drawn, repeats, residual, by_level, model.sigma)
+    if not by_signal:  # too few samples repeat
+        return model
     what = "; ".join(dict.fromkeys(r.text for r in repeats))
     low, high = min(by_signal.values()), max(by_signal.values())
     text = (
