@@ -47,3 +47,10 @@ def test_an_encoder_that_rounds_before_its_noise_is_named():
         ("sensor_quantisation", "axis.position")
     ]
     assert found.effects[0].parameters["step"].value == pytest.approx(STEP, rel=1e-3)
+
+
+def test_nothing_is_said_of_a_signal_that_is_never_judged_or_has_no_noise():
+    nothing = np.empty(0)
+    assert blurred_step(nothing, nothing, 2.5e-5, 6e-5) is None
+    assert blurred_step(SMOOTH + NOISE, NOISE, 0.0, 0.0) is None
+    assert blurred_step(np.zeros(500), np.zeros(500), 2.5e-5, 6e-5) is None

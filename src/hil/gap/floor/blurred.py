@@ -66,9 +66,9 @@ def _by_level(values: Array, rate: float) -> float:
 def _nearest(values: Array, finest: float, coarsest: float) -> float | None:
     """Steps in a unit of the grid that the values are nearest to."""
     low, span = float(values.min()), float(np.ptp(values))
-    bins = int(np.ceil(BINS * span / finest))
-    if coarsest <= finest or bins > MOST_BINS:
+    if coarsest <= finest or BINS * span > MOST_BINS * finest:
         return None
+    bins = int(np.ceil(BINS * span / finest))
     counts, _ = np.histogram(values, bins, (low, low + span))
     rates = np.fft.rfftfreq(4 * bins, span / bins)
     gathered = np.abs(np.fft.rfft(counts, 4 * bins))
