@@ -257,7 +257,7 @@ def test_without_its_gateway_control_parks_and_both_come_back(riding, number):
 def test_a_daemon_that_cannot_stay_up_is_left_down(service):
     RIG.write_text(service.rig_text.replace(URL, "socketcan:vcan7"))
     assert "failed" in service.systemctl("start", check=False)
-    wait_for(lambda: service.shows("ActiveState") == "failed", PATIENCE_S)
+    wait_for(lambda: service.shows("ActiveState") == "failed", 5 * PATIENCE_S)
     assert int(service.shows("NRestarts")) <= 5
     assert any("there is no interface vcan7" in line for line in service.systemd.journal(UNIT))
 
