@@ -32,7 +32,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --
 test: $(VENV)/dev.stamp ## all tests of hil that need no root and no SocketCAN
 	$(PYTEST) --ignore=tests/benchmarks --ignore=tests/whole
 
-test-whole: $(VENV)/dev.stamp ## whole diagnoses, rides and pages, some seconds each
+test-whole: $(VENV)/dev.stamp ## whole diagnoses, rides, measures and pages, some seconds each
 	$(PYTEST) tests/whole
 
 test-benchmarks: $(VENV)/dev.stamp ## tests of the benchmarks and of the worlds of others
