@@ -104,8 +104,10 @@ class RideEffects:
         return RideEffects({**self.values, **dict.fromkeys(SPRINGS, np.inf)})
 
     def lean_torque(self, rig: BicycleFile, motion: Motion) -> Array:
-        """(N,) lean torque that nobody explains, N m: the model's less that of the rider's body."""
-        return np.asarray(motion.lean_torque - rider_torque(rig, motion, self.values))
+        """(N,) lean torque that nobody explains, N m: the model's less that of the rider's body, off by what
+        is told of one who sits to one side."""
+        aside = self.values["bicycle.lean_torque.sensor_bias.offset"]
+        return np.asarray(motion.lean_torque - rider_torque(rig, motion, self.values) + aside)
 
     def imu(self, t_s: Array, motion: Motion) -> Array:
         """(N, 6) what the IMU, as it is, answers at t_s (N,), on the run's clock."""

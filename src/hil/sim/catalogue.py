@@ -185,6 +185,9 @@ BICYCLE: Effects = {
         Spec("gain", "1", 0.0, -2.0, 2.0, 0.2),
     ),
 }  # fmt: skip
+LEAN_TORQUE: Effects = {"sensor_bias": (Spec("offset", "N·m", 0.0, -math.inf, math.inf, 3.0),)}
+"""Of the torque between rider and frame, which no sensor tells: a rider who sits to one side has one all the
+way."""
 WHEEL: Effects = {"wheel_radius": (Spec("scale", "1", 1.0, 0.8, 1.2, 0.01),)}
 SLIP: Effects = {"wheel_slip": (Spec("coefficient", "1", 0.0, -0.2, 0.5, 0.01),)}
 

@@ -24,6 +24,7 @@ from hil.sim.catalogue import (
     CLOCK,
     GEOMETRY,
     IMU_CHANNELS,
+    LEAN_TORQUE,
     MISALIGNMENT,
     PLATFORM,
     QUANTITIES,
@@ -155,6 +156,7 @@ def _entries(rig: RigFile) -> Iterable[Parameter]:
 
 def _of_bicycle() -> Iterable[Parameter]:
     yield from _block("bicycle", BICYCLE)
+    yield from _block("bicycle.lean_torque", LEAN_TORQUE)
     yield from _block("rear_wheel", WHEEL | SLIP)
     yield from _block("front_wheel", WHEEL)
     for signal in SIGNALS:

@@ -35,6 +35,8 @@ from hil.runs import Run
 
 LARGE: Final = 3.0
 """Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
+TURNS: Final = 2
+"""Times that is done: the first time the best is still one of a model that may be off by much."""
 STRAIN: Final = 2.6
 """Prior standard deviations from which on a nuisance has gone further than calibrations leave anything."""
 
@@ -103,7 +105,10 @@ def _explained(
         return found if found.verdict != "no_gap" else unsaid(found), counted
 
     found, counted = explained_with(floor)
-    if found.effects and max(s.ratio for s in located.signals) > LARGE:
+    is_large = max(s.ratio for s in located.signals) > LARGE
+    for _ in range(TURNS):
+        if not found.effects or not is_large:
+            break
         assert found.best is not None
         say("once more, by what the best candidate leaves")
         left = e.problem.residual(found.best.vector)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Final
 
+import numpy as np
+
 from hil.config import BicycleFile
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.twin import LEAN_TORQUE
@@ -19,9 +21,14 @@ STEER_ZERO: Final = 0.0026
 RADIUS: Final = 0.002
 """Of a wheel's radius: tyre pressure and load [R]."""
 IMU_BIAS: Final = 0.5
-"""Of one sample's noise: what is left after zeroing at rest [R]."""
+"""Of one sample's noise: what is left after zeroing at rest [R]. What a calibrated scale is off by is left of
+gravity besides."""
+SCALE: Final = 0.002
+"""Of a sensor's scale, as data sheets of calibrated ones have it [R]."""
 MISALIGNMENT: Final = 0.003
 """rad: of a sensor that was screwed on and calibrated [R]."""
+ASIDE: Final = 2.5
+"""N m of lean torque: half a centimetre by which a rider sits to one side [R]."""
 LATENCY_S: Final = 0.0015
 """A tenth of the ride's sample and more: nodes and IMU keep their own time [R]."""
 STIFF_FORK: Final = (6e3, 2e4, 6e4)
@@ -33,16 +40,20 @@ RATES: Final = (3e-4, 1e-3, 3e-3, 6e-3)
 
 
 def ride_nuisances(rig: BicycleFile, problem: Problem) -> tuple[Nuisance, ...]:
-    """Zeros of lean and steer, wheel radius, the IMU's biases, mounting and time."""
+    """Zeros of lean and steer, wheel radius, how the rider sits, the IMU's biases, mounting and time."""
     out = [
         Nuisance("lean.sensor_bias.offset", LEAN_ZERO, "rad"),
         Nuisance("steer.sensor_bias.offset", STEER_ZERO, "rad"),
         Nuisance("rear_wheel.wheel_radius.scale", RADIUS, "1"),
     ]
+    if LEAN_TORQUE in problem.signals:
+        out.append(Nuisance(f"{LEAN_TORQUE}.sensor_bias.offset", ASIDE, "N·m"))
     channels = [s for s in problem.signals if s.startswith("imu.")]
     for s in channels:
         gyro = s.startswith("imu.gyro")
+        carried = [np.mean(problem.measured[x.part]) for x in problem.series if x.signal == s]
         sd = IMU_BIAS * (rig.noise.gyro if gyro else rig.noise.accel)
+        sd = float(np.hypot(sd, SCALE * np.mean(carried)))
         unit = "rad/s" if gyro else "m/s²"
         out.append(Nuisance(f"{s}.sensor_bias.offset", sd, unit, drift=SWITCHED_ON))
     out += [Nuisance(f"imu.sensor_misalignment.{c}", MISALIGNMENT, "rad") for c in "xyz"]

@@ -6,7 +6,7 @@ a verdict counts from there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -17,6 +17,7 @@ from scipy.signal import welch
 
 from hil.bicycle.sensors import IMU_SIGNALS, noise_of
 from hil.config.bicycle import SIGNALS
+from hil.gap.bicycle.leaves import SCALE
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.twin import LEAN_TORQUE, RideTwin
 from hil.gap.floor.differences import SPIKE
@@ -38,14 +39,17 @@ SLOW_HZ: Final = 2.5
 JUDGED_HZ: Final = 0.8
 CORNER_HZ: Final = 10.0
 """Of the filters inside inclinometers and IMUs: between 5 and 20 Hz [R]."""
+SLUGGISH: Final = {"lean": 3.0}
+"""Hz below which the noise of a signal rises besides: what makes an inclinometer's is slow itself [R]."""
 REWEIGHTED: Final = 4
 LOUDEST: Final = (0.7, 6.0)
 """Bounds of how much louder than its file a sensor is believed to be, by a rough road as well: beyond, it is
 a finding."""
-SWAY: Final = 0.6
-"""N m of lean torque that a healthy rider's breathing and pedalling make, rms [R]."""
+SWAY: Final = 1.2
+"""N m of lean torque that a healthy rider's breathing and pedalling make, rms [R]: of an upper body of 45 kg
+half a degree."""
 SWAY_S: Final = 0.4
-SHARE: Final = 0.15
+SHARE: Final = 0.3
 """Of a gap's size, that a model of it may be off by."""
 MASS: Final = 0.006
 """Of a body's mass and of a drag, as one who weighs bodies apart knows them [R]; this and all that follow
@@ -56,8 +60,6 @@ PLACE_M: Final = 0.0015
 """Of a tape measure [R]."""
 TILT: Final = 0.0015
 """rad of the steer axis: a tenth of a degree [R]."""
-SCALE: Final = 0.002
-"""Of a sensor's scale, as data sheets of calibrated ones have it [R]."""
 LATE_S: Final = 0.001
 """Of lean, wheel and steer against each other: a tenth of a sample [R]."""
 SLIP: Final = 4e-4
@@ -236,26 +238,35 @@ def _loudness(twin: RideTwin) -> dict[str, float]:
         width = min(len(values), round(2.0 * rate))
         hz, power = welch(values, rate, nperseg=width, average="median")
         quiet = (hz > QUIET_HZ[0]) & (hz < QUIET_HZ[1])
-        seen = float(np.median(power[quiet])) * _rise(hz, power) if quiet.any() else expected
+        corners = (CORNER_HZ, *((SLUGGISH[s],) if s in SLUGGISH else ()))
+        seen = expected
+        if quiet.any():
+            seen = float(np.median(power[quiet])) * _rise(hz, power, corners)
         out[s] = float(np.clip(np.sqrt(seen / max(expected, 1e-30)), *LOUDEST))
     return out
 
 
-def _rise(hz: Array, power: Array) -> float:
+def _rise(hz: Array, power: Array, corners_hz: Sequence[float]) -> float:
     """How much more power noise has at JUDGED_HZ than, by the median, between QUIET_HZ: 1 where it is white.
 
-    By white noise and a part through a low-pass at CORNER_HZ, fitted in relative errors to what is faster
+    By white noise and parts through low-passes at `corners_hz`, fitted in relative errors to what is faster
     than a rider.
     """
     fast = (hz > QUIET_HZ[0]) & (hz < 0.9 * hz[-1])
     quiet = (hz > QUIET_HZ[0]) & (hz < QUIET_HZ[1])
-    shape = np.stack([np.ones_like(hz), 1.0 / (1.0 + (hz / CORNER_HZ) ** 2)], axis=1)
+
+    def parts(at_hz: Array) -> Array:
+        """(N, C + 1) what each part has at these frequencies."""
+        slow = [1.0 / (1.0 + (at_hz / corner) ** 2) for corner in corners_hz]
+        return np.stack([np.ones_like(at_hz), *slow], axis=1)
+
+    shape = parts(hz)
     level = np.maximum(power, 1e-300)
     for _ in range(REWEIGHTED):  # what a line or a lucky bin adds must not lead
         share, _ = nnls(shape[fast] / level[fast, None], power[fast] / level[fast])
         level = np.maximum(shape @ share, 1e-300)
-    at = share @ np.array([1.0, 1.0 / (1.0 + (JUDGED_HZ / CORNER_HZ) ** 2)])
-    return float(max(at / np.median(level[quiet]), 1.0))
+    at = float(parts(np.array([JUDGED_HZ]))[0] @ share)
+    return max(at / float(np.median(level[quiet])), 1.0)
 
 
 def _sway(rng: np.random.Generator, count: int, dt_s: float) -> Array:

@@ -156,8 +156,9 @@ class RideProblem(Problem):
         return out
 
     def _own_samples(self, group: tuple[str, ...]) -> Mask | None:
-        """Biases of lean, wheel and steer act through the ride: only the IMU's act on their own samples."""
-        if not all(name.startswith("imu.") for name in group):
+        """Biases of lean, wheel and steer act through the ride: only those of what the twin answers act on
+        their own samples."""
+        if not all(name.startswith(("imu.", LEAN_TORQUE)) for name in group):
             return None
         return super()._own_samples(group)
 

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Score, score
 from hil.gap.judged.clear import other_than_steps
@@ -46,6 +47,9 @@ AS_MUCH: Final = 1.15
 UNSAID: Final = 1.38
 """Floors, tolerances among them, from which on a signal is off although no candidate explains it: how well a
 record tells its own noise, twice over [set on training cases]."""
+RESTLESS: Final = 1.6
+"""The same of the lean torque: how still riders sit differs more than how loud sensors are [set on healthy
+rides of two worlds of others]."""
 
 
 def twins(best: Fit) -> list[tuple[float, str]]:
@@ -70,10 +74,13 @@ def leaves_as_much(c: Calibrated, best: Fit, unseen: Score) -> bool:
 def unsaid(found: Diagnosis) -> Diagnosis:
     """`found`, no gap for want of a candidate; unknown where a signal stands above what noise and tolerances
     make of it."""
-    over = {s.signal: s.ratio for s in found.located.signals}
-    worst = max(over, key=lambda s: over[s])
-    if over[worst] < UNSAID:
+    over = {
+        s.signal: s.ratio for s in found.located.signals
+        if s.ratio >= (RESTLESS if s.signal == LEAN_TORQUE else UNSAID)
+    }  # fmt: skip
+    if not over:
         return found
+    worst = max(over, key=lambda s: over[s])
     sentence = (
         f"A gap that nothing in the catalogue explains: {worst} stands {over[worst]:.1f} times above what "
         "noise and a healthy bicycle's tolerances make of it, and no candidate has its pattern."
