@@ -410,10 +410,46 @@ def test_any_mixture_of_effects_moves_on_finite_numbers(name: str) -> None:
             p = entries[i]
             z = p.to_search(p.neutral) + abs(p.to_search(p.scale)) * rng.normal()
             row[i] = np.clip(p.from_search(z), p.lower, p.upper)
+        for a in job.twin.rig.actuators:  # a screw never goes back while its motor goes on
+            lead = f"{a.name}.lead_error"
+            turn, wave = (job.twin.table.index(f"{lead}.{x}") for x in ("period", "amplitude"))
+            row[turn] = max(row[turn], 4.0 * np.pi * row[wave])
         rows.append(row)
     values = job.run_many(np.array(rows))
     assert np.all(np.isfinite(values))
     assert np.max(np.abs(values)) < 2.0 * max(a.force_max for a in job.twin.rig.actuators)
+
+
+def pushed(seconds: float, amplitude_m: float, **friction: float) -> tuple[np.ndarray, np.ndarray]:
+    """Position and force of the axis with 100 N of friction, moved to and fro in `seconds`."""
+    rig = frictionless("axis", effective_mass=135.0)
+    plant = Plant(with_effects(rig, effect("coulomb_friction", "axis", force=100.0, **friction)))
+    plant.reset(mode="position")
+    rows = []
+    for k in range(round(seconds / 0.002)):
+        t = 0.002 * k
+        plant.set_setpoint(0, amplitude_m * float(np.sin(2 * np.pi * t / seconds)), t)
+        plant.advance(t + 0.002)
+        rows.append((plant.position(0), plant.force(0)))
+    return np.array(rows).T
+
+
+def test_friction_builds_up_within_its_presliding() -> None:
+    """From rest as 1 - exp(-way / presliding), from full slip backwards as 1 - 2 exp(-way / presliding)."""
+    way = 3e-4
+    x, force = pushed(20.0, 0.004, presliding=way)
+    out = x > 2e-5
+    first, turn = int(np.argmax(out)), int(np.argmax(x))
+    there = slice(first, turn - 100)
+    np.testing.assert_allclose(force[there], 100.0 * -np.expm1(-x[there] / way), atol=1.5)
+    back = slice(turn + 100, len(x) // 2)
+    gone = x.max() - x[back]
+    np.testing.assert_allclose(force[back], 100.0 * (2.0 * np.exp(-gone / way) - 1.0), atol=2.0)
+
+
+def test_friction_of_stiff_bristles_is_that_without() -> None:
+    still, bent = (pushed(2.0, 0.01, **p)[1] for p in ({}, {"presliding": 1e-6}))
+    assert np.sqrt(np.mean((still - bent) ** 2)) < 0.03 * np.sqrt(np.mean(still**2))
 
 
 def test_dahl_hysteresis_does_not_ask_how_fast() -> None:

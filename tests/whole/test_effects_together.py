@@ -119,3 +119,20 @@ def test_a_force_limit_beside_friction_is_found_where_neither_column_shows_it():
     pair = (effect("coulomb_friction", force=250.0), effect("force_saturation", limit=420.0))
     found = diagnose(record(*pair, duration_s=20.0), AXIS)
     assert "force_saturation" in {x.effect for x in found.effects}
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters"),
+    [
+        ("coulomb_friction", {"force": 60.0}),
+        ("asymmetric_friction", {"positive": 90.0, "negative": 20.0}),
+    ],
+)
+def test_friction_whose_bristles_bend_is_no_hysteresis(law, parameters):
+    """Within 0.15 mm, as ball screws' do that are held hard: what a narrow hysteresis looks like."""
+    bends = effect("coulomb_friction", presliding=1.5e-4)
+    worn = effect(law, **parameters)
+    found = diagnose(record(worn, bends), AXIS)
+    assert named(found) == {(law, "axis")}
+    for name, true in parameters.items():
+        assert value(found, law, name).value == pytest.approx(true, abs=8.0)

@@ -26,6 +26,9 @@ FASTEST_M_S: Final = 25.0
 """No rider is faster; degrees are 57 times as fast."""
 DEGREES: Final = (30.0, 100.0)
 """Gains between which a rate is one in degrees."""
+FLIPPED: Final = (0.6, 1.6)
+"""Times what is wanted, between which what goes against it is an axis that points the other way: what a
+bracket that bends turns of gravity may go against a push as well, and is no wrong sign."""
 AGREES: Final = 0.8
 APART: Final = 0.15
 """By which another channel must follow better than the one that bears the name."""
@@ -154,9 +157,9 @@ def _axes(seen: dict[str, Array], wanted: dict[str, Array]) -> list[Finding]:
     gyro = [s for s in IMU_SIGNALS[:3] if s in seen]
     moving = [s for s in gyro if np.std(wanted[s]) > MOVES["gyro"]]
     for s in moving:
-        a, b = wanted[s] - wanted[s].mean(), seen[s] - seen[s].mean()
-        gain = float(a @ b / (a @ a))
-        if DEGREES[0] < abs(gain) < DEGREES[1] and abs(_together(a, b)) > AGREES:
+        gain = _gain(wanted[s], seen[s])
+        is_told = abs(_together(wanted[s], seen[s])) > AGREES
+        if DEGREES[0] < abs(gain) < DEGREES[1] and is_told:
             text = (
                 f"turns {abs(gain):.0f} times as fast as the bicycle: are these degrees per second?"
             )
@@ -176,13 +179,19 @@ def _axes(seen: dict[str, Array], wanted: dict[str, Array]) -> list[Finding]:
         kind = s.partition(".")[2].partition("_")[0]
         if s in seen and np.std(wanted[s]) > MOVES[kind] * (0.4 if kind == "gyro" else 1.0):
             together = _together(wanted[s], seen[s])
-            if together < -AGREES:
+            if together < -AGREES and FLIPPED[0] < -_gain(wanted[s], seen[s]) < FLIPPED[1]:
                 text = (
                     f"goes against what the ride asks of it (correlation {together:.2f}): its axis points "
                     "the other way (x forward, y to the left, z up)"
                 )
                 out.append(Finding("imu_sign", s, "fault", text))
     return out
+
+
+def _gain(wanted: Array, seen: Array) -> float:
+    """How much is seen of what is wanted, by least squares about the means."""
+    a, b = wanted - wanted.mean(), seen - seen.mean()
+    return float(a @ b / (a @ a))
 
 
 def _together(a: Array, b: Array) -> float:

@@ -77,7 +77,10 @@ def _viscous(parameter: str) -> Spec:
 
 
 ACTUATOR: Effects = {
-    "coulomb_friction": (_coulomb("force"),),
+    "coulomb_friction": (
+        _coulomb("force"),
+        Spec("presliding", "m", 0.0, 0.0, _travel(1e-3), _travel(5e-5)),
+    ),
     "viscous_friction": (_viscous("coefficient"),),
     "stribeck_friction": (
         _coulomb("coulomb"),

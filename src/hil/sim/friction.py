@@ -51,6 +51,18 @@ def hysteresis_advance(z, dx, displacement):  # type: ignore[no-untyped-def]
 
 
 @inner
+def bristle_advance(act, st, i, dx):  # type: ignore[no-untyped-def]
+    """Force of motor i's bent bristles, against positive motion, after travel dx: towards the friction of
+    that direction, within the actuator's presliding; no change of friction pushes before it is travelled."""
+    lo, hi = friction_band(act, st, i)
+    bent = st[lay.S_BRISTLE, i]
+    if dx == 0.0:
+        return bent
+    end = hi if dx > 0.0 else -lo
+    return end + (bent - end) * math.exp(-abs(dx) / act[lay.A_PRESLIDING, i])
+
+
+@inner
 def solve_stick_slip(W, v_free, lo, hi, slip, phi, K, y):  # type: ignore[no-untyped-def]
     """Friction forces phi (n,) with v = v_free + W phi, phi = -hi where v > 0, lo where v < 0, between
     where v = 0. `slip` (n,) is the guess on entry (1, -1, 0 = stick) and the answer on return; K (n,n)

@@ -8,7 +8,8 @@ Scheme: leapfrog (drift half a step, kick with M, J, h at the middle, drift half
 constant acceleration, second order and free of energy drift for conservative loads; viscous friction
 and the hysteresis spring by the trapezoidal rule; the wind-up spring implicit, trapezoidal while it is
 soft against the step and implicit Euler as it gets stiff, so that stiffness -> infinity runs smoothly
-into the rigid transmission; stick, slip and contact solved exactly at the new velocities.
+into the rigid transmission; stick, slip and contact solved exactly at the new velocities. Friction that
+has a way to build up, bristles that bend before they slip, is Dahl's instead, by the trapezoidal rule, too.
 """
 
 from __future__ import annotations
@@ -21,7 +22,12 @@ from hil.compiled import compiled, inner
 from hil.rigs.kernel import scratch, terms_in
 from hil.sim import layout as lay
 from hil.sim.drive_loops import encoder
-from hil.sim.friction import friction_band, hysteresis_advance, solve_stick_slip
+from hil.sim.friction import (
+    bristle_advance,
+    friction_band,
+    hysteresis_advance,
+    solve_stick_slip,
+)
 
 RIGID = 3.0
 ALWAYS = 2.0
@@ -32,9 +38,9 @@ STOP_W = 2.0 * math.pi * 30.0
 
 (
     W_LO, W_HI, W_C, W_F0, W_MU, W_PSI, W_KAPPA, W_DINV, W_VA,
-    W_ALPHA, W_BETA, W_THETA, W_QD, W_V, W_R, W_PHI, W_X, W_Y, W_STOP_C, W_STOP_F,
-) = range(20)  # fmt: skip
-WORK_ROWS = 20
+    W_ALPHA, W_BETA, W_THETA, W_QD, W_V, W_R, W_PHI, W_X, W_Y, W_STOP_C, W_STOP_F, W_BENT,
+) = range(21)  # fmt: skip
+WORK_ROWS = 21
 
 
 @compiled
@@ -63,9 +69,18 @@ def _resist(act, st, w, i, h, force, rho):  # type: ignore[no-untyped-def]
         z = st[lay.S_HYST, i]
         c += 0.25 * h * act[lay.A_HYST_F, i] / act[lay.A_HYST_X, i] * (1.0 - z * way)
         f0 -= act[lay.A_HYST_F, i] * z
+    w[W_LO, i], w[W_HI, i] = friction_band(act, st, i)
+    w[W_BENT, i] = 0.0
+    if act[lay.A_PRESLIDING, i] > 0.0 and st[lay.S_BRAKE, i] == 0.0:
+        bent = st[lay.S_BRISTLE, i]
+        more = abs(-w[W_LO, i] - bent) if way < 0.0 else abs(w[W_HI, i] - bent)
+        c += 0.25 * h * more / act[lay.A_PRESLIDING, i]
+        f0 -= bent
+        w[W_BENT, i] = -bent
+        w[W_LO, i] = 0.0
+        w[W_HI, i] = 0.0
     w[W_C, i] = c
     w[W_F0, i] = f0 - c * v
-    w[W_LO, i], w[W_HI, i] = friction_band(act, st, i)
     past = max(rho - act[lay.A_UPPER, i], 0.0) + min(rho - act[lay.A_LOWER, i], 0.0)
     w[W_STOP_C, i] = 0.0
     w[W_STOP_F, i] = 0.0
@@ -271,7 +286,10 @@ def step(kind, views, st, mem, force, h):  # type: ignore[no-untyped-def]
         if act[lay.A_HYST_F, i] != 0.0:
             travel = 0.5 * h * (v + v_old)
             st[lay.S_HYST, i] = hysteresis_advance(st[lay.S_HYST, i], travel, act[lay.A_HYST_X, i])
-        st[lay.S_FRICTION, i] = w[W_PHI, i]
+        if act[lay.A_PRESLIDING, i] > 0.0 and st[lay.S_BRAKE, i] == 0.0:
+            travel = 0.5 * h * (v + v_old)
+            st[lay.S_BRISTLE, i] = bristle_advance(act, st, i, travel)
+        st[lay.S_FRICTION, i] = w[W_PHI, i] + w[W_BENT, i]
         st[lay.S_VM, i] = v
         st[lay.S_RATE, i] = r
         st[lay.S_RHO, i] = rho[i] + 0.5 * h * r + 0.125 * h * h * jdqd[i]

@@ -37,6 +37,12 @@ LARGE: Final = 3.0
 """Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
 TURNS: Final = 2
 """Times that is done: the first time the best is still one of a model that may be off by much."""
+FAR: Final = 3.3
+NEARLY: Final = 15.0
+"""The same of one that explains nearly as much, up to so many nats less, as an effect that is no nuisance: of
+fifteen one stands 2.6 away in every seventh healthy ride."""
+HELD: Final = 1e-3
+"""Of its prior, within which a nuisance stays that is to explain nothing."""
 STRAIN: Final = 2.6
 """Prior standard deviations from which on a nuisance has gone further than calibrations leave anything."""
 
@@ -65,7 +71,7 @@ def diagnose_rides(
     found = _explained(located, chosen, steps, without, seed, say)
     if (found.effects or not found.causes) and (far := _strained(found, located, chosen)):
         say(f"once more without what no calibration sets right: {', '.join(far)}")
-        fewer = [n for n in chosen if n.name.rpartition(".")[0] not in far]
+        fewer = [_held(n) if n.name.rpartition(".")[0] in far else n for n in chosen]
         anew = locate_rides(loaded, rig, nuisances=fewer, seed=seed)
         named = _explained(anew, fewer, steps, without, seed, say)
         if {(x.effect, x.location) for x in named.effects} > {
@@ -168,19 +174,36 @@ def _strained(found: Diagnosis, located: Located, chosen: Sequence[Nuisance]) ->
     return sorted({name.rpartition(".")[0] for name, z in far.items() if z > STRAIN})
 
 
+def _held(n: Nuisance) -> Nuisance:
+    """A nuisance that stays where calibration left it."""
+    return replace(n, sd=HELD * n.sd)
+
+
 def _is_further(named: Diagnosis, chosen: Sequence[Nuisance]) -> bool:
-    """Whether each effect of `named` that is a nuisance too stands further than calibrations leave it."""
-    assert named.calibrated is not None
-    by_name, problem = {n.name: n for n in chosen}, named.calibrated.problem
+    """Whether each effect of `named` that is a nuisance too stands further than calibrations leave it, and
+    whether none that calibrations do leave explains nearly as much as the others."""
+    far = [(x, _distance(named, x, chosen)) for x in named.causes]
     for x in named.effects:
-        away = [
-            abs(p.value - problem.base[problem.table.index(n.name)] - n.mean) / n.sd
-            for k, p in x.parameters.items()
-            if (n := by_name.get(f"{x.location}.{x.effect}.{k}")) is not None
-        ]
-        if away and max(away) < STRAIN:
+        away = _distance(named, x, chosen)
+        if away is not None and away < STRAIN:
+            return False
+        if away is None and any(
+            near is not None and near < FAR and y.gain > x.gain - NEARLY for y, near in far
+        ):
             return False
     return True
+
+
+def _distance(named: Diagnosis, x: Cause, chosen: Sequence[Nuisance]) -> float | None:
+    """Prior deviations by which a cause that is a nuisance too stands off; None of any other."""
+    assert named.calibrated is not None
+    by_name, problem = {n.name: n for n in chosen}, named.calibrated.problem
+    away = [
+        abs(p.value - problem.base[problem.table.index(n.name)] - n.mean) / n.sd
+        for k, p in x.parameters.items()
+        if (n := by_name.get(f"{x.location}.{x.effect}.{k}")) is not None
+    ]
+    return max(away, default=None)
 
 
 def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:

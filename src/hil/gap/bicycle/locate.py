@@ -12,7 +12,7 @@ from hil.bicycle.recorded import prepare
 from hil.config import BicycleFile
 from hil.errors import IdentificationError
 from hil.gap.bicycle.leaves import ride_nuisances
-from hil.gap.bicycle.noise import ride_noise, tempered
+from hil.gap.bicycle.noise import no_louder, ride_noise, tempered
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.floor.noise import projected
@@ -50,6 +50,8 @@ def locate_rides(
     chosen = nuisances or ride_nuisances(rig, problem)
     rng = np.random.default_rng(seed)
     noise = ride_noise(problem, problem.base, rng)
+    best = refit(problem, noise, chosen)
+    noise = no_louder(noise, problem, best.residual)
     best = refit(problem, noise, chosen)
     noise = tempered(noise, problem, best.residual)
     noise = projected(noise, problem, best.jacobian, best.prior_sd)

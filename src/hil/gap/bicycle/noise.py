@@ -41,6 +41,8 @@ CORNER_HZ: Final = 10.0
 """Of the filters inside inclinometers and IMUs: between 5 and 20 Hz [R]."""
 SLUGGISH: Final = {"lean": 3.0}
 """Hz below which the noise of a signal rises besides: what makes an inclinometer's is slow itself [R]."""
+LOUDER: Final = 0.93
+"""Of a floor, what nuisances leave of noise alone."""
 REWEIGHTED: Final = 4
 LOUDEST: Final = (0.7, 6.0)
 """Bounds of how much louder than its file a sensor is believed to be, by a rough road as well: beyond, it is
@@ -160,6 +162,19 @@ def tempered(
         )
         sigma[x.part] = np.sqrt(sigma[x.part] ** 2 + share**2 * power)
     return replace(model, sigma=sigma)
+
+
+def no_louder(model: NoiseModel, problem: RideProblem, residual: Array) -> NoiseModel:
+    """The floor, of each signal no louder than what is left of it, `residual` (N,) after nuisances.
+
+    What a rough road shakes between QUIET_HZ need not be there where rides are judged.
+    """
+    left, floors = model.usual(problem, residual), model.usual(problem, model.draws)
+    drawn = model.draws.copy()
+    for x in problem.series:
+        if left[x.signal] < LOUDER * floors[x.signal]:
+            drawn[:, x.part] *= left[x.signal] / (LOUDER * floors[x.signal])
+    return of_draws(problem, drawn, f"{model.text}; no louder than all that is left")
 
 
 def with_tolerances(evidence: Evidence, sd: Array, rng: np.random.Generator) -> NoiseModel:

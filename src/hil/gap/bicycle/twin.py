@@ -3,10 +3,9 @@
 Lean, wheel and steer drive it as setpoints drive a rig's twin. Effects of their sensors are taken out of them
 before; wheels, slip, fork and tyres change the ride computed; effects of the IMU are put on its answers.
 Angles pass the ride's low-pass, and what is computed of them a softer one; measured IMU signals pass both.
-A filter then never looks like an effect: what turns lean into pitch is a product, and the product of what a
-soft filter leaves is not what it leaves of the product. Only what fork and tyres add is computed of angles
-that have passed both, for noise of second differences would shake them. (The documented conditioning filters
-rates once more, and so treats rates and accelerations unlike.)
+A filter then never looks like an effect: what turns lean into pitch, and what loads a fork, is a product, and
+the product of what a soft filter leaves is not what it leaves of the product. (The documented conditioning
+filters rates once more, and so treats rates and accelerations unlike.)
 
 The lean torque left over is an equation, not a sensor: nobody pushes a free bicycle from outside, so it
 must be zero. It is what a rider's lean against the frame shows in, which no sensor on the frame sees.
@@ -81,14 +80,10 @@ class RideTwin:
         """By signal, what the twin says at the judged rows; NaN where it cannot stand."""
         effects = RideEffects(values)
         try:
-            stiff = effects.rigid.motion(self.bicycle, self._told(effects, angles))
-            told = self._softer(self._columns(effects, stiff))
-            if effects.gives_way:
-                soft = self._told(effects, angles, is_soft=True)
-                told += self._columns(effects, effects.motion(self.bicycle, soft))
-                told -= self._columns(effects, effects.rigid.motion(self.bicycle, soft))
+            motion = effects.motion(self.bicycle, self._told(effects, angles))
         except KinematicsError:
             return {s: np.full(len(self.judged), np.nan) for s in self.signals}
+        told = self._softer(self._columns(effects, motion))
         return {s: told[self.judged, k] for k, s in enumerate(self.signals)}
 
     def _softer(self, columns: Array) -> Array:

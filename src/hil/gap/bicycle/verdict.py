@@ -18,6 +18,10 @@ from hil.gap.judged.verdict import judge
 
 EXPLAINED: Final = 0.72
 """Share of a gap's energy that a verdict must explain, half of the time [set on training cases]."""
+SPRUNG_EXPLAINED: Final = 0.5
+"""The same of a fork or tyres alone: a road shakes a bicycle on springs more than a stiff one, where they
+swing, and no ride tells that [set on rides of another world, none of whose outside effects is one]."""
+SPRUNG: Final = frozenset({"front_suspension", "tyre_compliance"})
 OTHERWISE: Final = 0.05
 """Chance that even what is all explained is none of the catalogue [set on used-up exams]."""
 TWINS: Final = {
@@ -114,7 +118,9 @@ def by_energy(found: Diagnosis) -> Diagnosis:
         worth = None if worth is None or worth < BORNE_OUT[0] else worth
     least, twin = max([(OTHERWISE, ""), *twins(best)])
     others = other_than_steps(best)
-    unknown = chance(share, least_explained(worth, EXPLAINED), least) if others else least
+    is_sprung = len(others) == 1 and others[0].effect in SPRUNG
+    usual = SPRUNG_EXPLAINED if is_sprung else EXPLAINED
+    unknown = chance(share, least_explained(worth, usual), least) if others else least
     if others and worth is not None and worth < (HOLDS if len(others) == 1 else SEVERAL_HOLD):
         unknown = max(unknown, 0.9)  # unseen data do not bear it out
     factor = (1.0 - unknown) / max(1.0 - found.unknown, 1e-12)

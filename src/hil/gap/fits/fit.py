@@ -204,8 +204,8 @@ def _scanned(
 
 NEARER: Final = (1.0, 0.3, 0.05)
 """Shares of a start's way that are tried."""
-NARROWEST: Final = {"displacement": 1e-4}
-"""A narrower hysteresis is how any friction begins, and no effect of its own."""
+NARROWEST: Final = {"displacement": 3e-5}
+"""A narrower hysteresis is none: friction begins at once in the twin."""
 
 
 def _ends(p: Parameter) -> list[float]:

@@ -4,7 +4,7 @@ a peak at rest is found from a plain one."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,8 @@ from hil.gap.fits.fit import fit
 from hil.gap.fits.fitted import Calibrated, Fit, replay_cost
 from hil.gap.fits.starts import relative
 from hil.gap.record.leaf import Leaf
+
+Report = Callable[[str], None]
 
 PLAIN: Final = frozenset({"coulomb_friction", "viscous_friction"})
 PEAKED: Final = "stribeck_friction"
@@ -30,6 +32,11 @@ OF_SPEED: Final = (
     f"{DIRECTED}.positive",
     f"{DIRECTED}.negative",
 )
+BRISTLES_M: Final = 2.5e-4
+"""m: way within which friction may build up: bristles bend before they slip, the more the harder they are
+held. A hysteresis as narrow is that, and no effect of its own [R; those of five worlds are 0.3 mm wide]."""
+LAWS: Final = 5
+"""Laws that are fitted with bristles."""
 NEARLY_ALL: Final = 0.8
 """Of a rig's own friction: no wear takes that much away."""
 PEAKS: Final = (1.6, 3.0)
@@ -61,12 +68,12 @@ def nested(a: Sequence[Leaf], b: Sequence[Leaf]) -> bool:
 
 
 def is_itself(c: Calibrated, f: Fit) -> bool:
-    """Whether no effect of a fit has gone where it is another one: a hysteresis as narrow as it may be or a
-    Stribeck curve that rises from rest is the rig's own friction, friction that nearly goes one way and grows
+    """Whether no effect of a fit has gone where it is another one: a hysteresis as narrow as BRISTLES_M or a
+    Stribeck curve that rises from rest is plain friction, friction that nearly goes one way and grows
     the other a constant force; and no friction drives, whatever law it has."""
-    value = dict(zip(f.names, f.values.tolist(), strict=True))
+    value = _values(f)
     own = {a.name: a.coulomb for a in c.problem.rig.actuators}
-    if any(n.endswith(".hysteresis.displacement") for n in f.at_bound) or _drives(value, own):
+    if any(map(_is_narrow, value.items())) or _drives(value, own):
         return False
     for leaf in f.leaves:
         if leaf.effect == PEAKED and value.get(f"{leaf.name}.static", 0.0) < value.get(
@@ -78,6 +85,36 @@ def is_itself(c: Calibrated, f: Fit) -> bool:
             if more > 0.0 and less < -NEARLY_ALL * own[leaf.location]:
                 return False
     return True
+
+
+def _is_narrow(named: tuple[str, float]) -> bool:
+    return named[0].endswith(".hysteresis.displacement") and named[1] < BRISTLES_M
+
+
+def bristled(c: Calibrated, alone: Sequence[Fit], fits: Sequence[Fit], say: Report) -> list[Fit]:
+    """Laws of friction among `fits` with bristles, where a narrow hysteresis that was fitted `alone` explains
+    more than each of them: the LAWS best ones at its place, once more."""
+    out = []
+    for narrow in (f for f in alone if any(map(_is_narrow, _values(f).items()))):
+        place = narrow.leaves[0].location
+        laws = [
+            f for f in fits
+            if any(x.location == place and x.effect in FRICTION - {"hysteresis"} for x in f.leaves)
+        ]  # fmt: skip
+        laws.sort(key=lambda f: f.total(c))
+        if not laws or laws[0].total(c) < narrow.total(c):
+            continue
+        width = _values(narrow)[f"{narrow.leaves[0].name}.displacement"]
+        for f in laws[:LAWS]:
+            say("fitting " + " + ".join(x.name for x in f.leaves) + " with bristles")
+            start = {**relative(c, f), f"{place}.coulomb_friction.presliding": width}
+            found = fit(c, f.leaves, start, f.z)
+            out += [found] if found is not None and is_itself(c, found) else []
+    return out
+
+
+def _values(f: Fit) -> dict[str, float]:
+    return dict(zip(f.names, f.values.tolist(), strict=True))
 
 
 def _drives(value: Mapping[str, float], own: Mapping[str, float]) -> bool:

@@ -13,7 +13,16 @@ from hil.gap.fits.fit import fit
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.frames import fit_lost_frames
-from hil.gap.fits.friction import DIRECTED, FRICTION, PEAKED, PLAIN, directed, is_itself, peaked
+from hil.gap.fits.friction import (
+    DIRECTED,
+    FRICTION,
+    PEAKED,
+    PLAIN,
+    bristled,
+    directed,
+    is_itself,
+    peaked,
+)
 from hil.gap.fits.shares import explained, most_left
 from hil.gap.fits.starts import changes_of, relative
 from hil.gap.record.leaf import Leaf
@@ -54,14 +63,25 @@ def fit_candidates(
 ) -> list[Fit]:
     """`none`, then all that was fitted."""
     leaves = search.bank.leaves
-    fits = [none, *_single_fits(c, none, search, leaves, without, say)]
-    fits = [none, *ended(c, none, [f for f in fits[1:] if is_itself(c, f)], say)]
+    alone = _single_fits(c, none, search, leaves, without, say)
+    fits = [none, *ended(c, none, [f for f in alone if is_itself(c, f)], say)]
     fits += joint_fits(c, fits, search, leaves, without, say)
     fits = alone_again(c, fits, say)
     if len(min(fits, key=lambda f: f.total(c)).leaves) > 1:
         fits = [none, *ended(c, none, fits[1:], say)]
+    fits = _bettered(c, fits, bristled(c, alone, fits, say))
     fits += _peaked_fits(c, fits, leaves, say)
     return fits if DIRECTED in without else fits + _directed_fits(c, fits, without, say)
+
+
+def _bettered(c: Calibrated, fits: Sequence[Fit], found: Sequence[Fit]) -> list[Fit]:
+    """`fits` and each of those `found`, in the place of those of the same effects where it is better."""
+    out = list(fits)
+    for f in found:
+        same = [x for x in out if x.leaves == f.leaves]
+        if all(f.total(c) < x.total(c) for x in same):
+            out = [*(x for x in out if all(x is not y for y in same)), f]
+    return out
 
 
 def _single_fits(
@@ -86,10 +106,8 @@ def _single_fits(
     held = struck(c, min((none, *out), key=lambda f: f.total(c)))
     if well < POORLY or held:
         promise = {leaves[p.leaves[0]].name: p.gain for p in proposals}
-        for f in _replayed(c, none, suspects(c, none, leaves, held, promise), say):
-            same = [x for x in out if x.leaves == f.leaves]
-            if all(f.total(c) < x.total(c) for x in same):
-                out = [*(x for x in out if x not in same), f]
+        suspected = suspects(c, none, leaves, held, promise)
+        out = _bettered(c, out, _replayed(c, none, suspected, say))
     if LOST not in without and well < WELL:
         say("looking for lost frames")
         lost = fit_lost_frames(c, none)
