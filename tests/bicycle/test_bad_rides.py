@@ -194,6 +194,11 @@ def test_an_axis_of_the_imu_with_the_wrong_sign(round_trip, signal, said):
     assert said in text
 
 
+def test_what_a_soft_bracket_turns_of_gravity_is_no_wrong_sign(round_trip):
+    turned = ride_of(round_trip, changed(**{"imu.accel_x": -0.35}))
+    assert analyse(turned).motion is not None
+
+
 @pytest.mark.parametrize("signal", ["lean", "steer"])
 def test_a_sensor_that_is_stuck(weaving, signal):
     def spoil(table):

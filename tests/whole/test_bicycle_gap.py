@@ -14,7 +14,7 @@ from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import IdentificationError
 from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
-from hil.gap.bicycle.diagnose import _is_further
+from hil.gap.bicycle.diagnose import _held, _is_further
 from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.noise import ride_noise
@@ -263,11 +263,83 @@ def test_a_nuisance_that_went_no_further_than_calibrations_leave_it_is_no_effect
             location="rear_wheel",
             parameters={"scale": SimpleNamespace(value=scale)},
         )
-        return SimpleNamespace(effects=(wheel,), calibrated=SimpleNamespace(problem=problem))
+        found = SimpleNamespace(problem=problem)
+        return SimpleNamespace(effects=(wheel,), causes=(wheel,), calibrated=found)
 
     priors = [Nuisance("rear_wheel.wheel_radius.scale", 0.002, "1")]
     assert not _is_further(named(1.004), priors)
     assert _is_further(named(1.012), priors)
+
+
+@pytest.mark.parametrize(
+    ("turned", "less", "is_effect"),
+    [(0.0088, 7.0, False), (0.0088, 60.0, True), (0.012, 7.0, True)],
+)
+def test_what_a_nuisance_explains_nearly_as_well_is_no_effect(turned, less, is_effect):
+    """A front wheel's radius pitches the frame, as an IMU does that is turned by 3 mrad, one deviation."""
+    problem = SimpleNamespace(base=np.zeros(1), table=SimpleNamespace(index=lambda name: 0))
+    wheel = SimpleNamespace(effect="wheel_radius", location="front_wheel", parameters={}, gain=47.0)
+    mounted = SimpleNamespace(
+        effect="sensor_misalignment", location="imu", gain=47.0 - less,
+        parameters={"y": SimpleNamespace(value=turned)},
+    )  # fmt: skip
+    named = SimpleNamespace(
+        effects=(wheel,), causes=(wheel, mounted), calibrated=SimpleNamespace(problem=problem)
+    )
+    assert _is_further(named, [Nuisance("imu.sensor_misalignment.y", 0.003, "rad")]) is is_effect
+
+
+def test_a_nuisance_that_is_to_explain_nothing_stays_where_a_reference_left_it(healthy):
+    problem = RideProblem(NOMINAL, [prepare(healthy, NOMINAL)])
+    known = [replace(n, mean=2.0 * n.sd) for n in ride_nuisances(NOMINAL, problem)]
+    found = locate_rides([healthy], NOMINAL, nuisances=[_held(n) for n in known])
+    for n, f in zip(known, found.nuisances, strict=True):
+        assert f.change == pytest.approx(n.mean, abs=0.01 * n.sd), n.name
+
+
+def test_what_a_road_shakes_above_what_is_judged_is_no_floor(healthy):
+    """A rattle of 7 Hz on one axis: the sensor is no louder where rides are judged."""
+    table = healthy.table.copy()
+    told = table["imu.accel_z"].notna()
+    t = table.loc[told, "t"].to_numpy()
+    rng = np.random.default_rng(5)
+    rattle = sum(
+        np.sin(2 * np.pi * f * t + rng.uniform(0.0, 6.3)) for f in np.arange(4.0, 12.0, 0.1)
+    )
+    table.loc[told, "imu.accel_z"] += 0.05 * rattle
+    rough = replace(healthy, table=table)
+    ratio = {
+        name: {s.signal: s.ratio for s in locate_rides([run], NOMINAL).signals}["imu.accel_z"]
+        for name, run in (("calm", healthy), ("rough", rough))
+    }
+    assert ratio["rough"] > 0.75 * ratio["calm"]
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        ("front_suspension", "bicycle", {"stiffness": 9e3, "damping": 400.0}),
+        ("tyre_compliance", "bicycle", {"stiffness": 4e4, "damping": 200.0}),
+    ],
+)
+def test_a_lively_ride_on_springs_is_the_twin_s(effect):
+    """What loads a fork is a product, too: springs that felt softened angles left half of such a gap."""
+    rig = NOMINAL.model_dump()
+    rig["noise"] = dict.fromkeys(rig["noise"], 0.0)
+    rig["bus"]["jitter"] = 0.0
+    name, location, parameters = effect
+    rig["effects"] = [{"effect": name, "location": location, "parameters": parameters}]
+    path = slalom(80.0, 10.0, 8.0)
+    ride = simulate_ride(BicycleFile.model_validate(rig), path, 22, cruise=4.5, turning=4.5)
+    problem = RideProblem(NOMINAL, [prepare(run_of(ride), NOMINAL)])
+    true = problem.table.vector({f"{location}.{name}.{k}": v for k, v in parameters.items()})
+
+    def left(vector):
+        residual = problem.residual(vector)
+        (x,) = (x for x in problem.series if x.signal == "imu.gyro_y")
+        return np.sqrt(np.mean((residual[x.part] ** 2)[problem.kept[x.part]]))
+
+    assert left(true) < 0.1 * left(problem.base)
 
 
 @pytest.mark.parametrize(("times", "is_as_much"), [(1.5, True), (2.0, False)])
