@@ -136,3 +136,5 @@ def test_friction_whose_bristles_bend_is_no_hysteresis(law, parameters):
     assert named(found) == {(law, "axis")}
     for name, true in parameters.items():
         assert value(found, law, name).value == pytest.approx(true, abs=8.0)
+    if law == "coulomb_friction":
+        assert value(found, law, "presliding").value == pytest.approx(1.5e-4, rel=0.3)

@@ -132,7 +132,7 @@ def _parameters(c: Calibrated, f: Fit, leaf: Leaf, worth: float) -> dict[str, Pa
     healthy |= {n: CRYSTALS for n in f.names if n.endswith(RATE)}
     out = {}
     for name, value, sd in zip(f.names, f.values.tolist(), f.search_sd.tolist(), strict=True):
-        if name not in leaf.parameters:
+        if name not in leaf.parameters and not name.startswith(f"{leaf.name}."):
             continue
         p = c.problem.table[name]
         is_phase = p.parameter == "phase"
