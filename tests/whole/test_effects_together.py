@@ -138,3 +138,9 @@ def test_friction_whose_bristles_bend_is_no_hysteresis(law, parameters):
         assert value(found, law, name).value == pytest.approx(true, abs=8.0)
     if law == "coulomb_friction":
         assert value(found, law, "presliding").value == pytest.approx(1.5e-4, rel=0.3)
+
+
+@pytest.mark.parametrize("presliding", [4e-5, 1.5e-4])
+def test_bristles_of_a_rig_s_own_friction_are_no_effect(presliding):
+    found = diagnose(record(effect("coulomb_friction", presliding=presliding)), AXIS)
+    assert found.verdict == "no_gap"

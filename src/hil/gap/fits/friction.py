@@ -35,6 +35,8 @@ OF_SPEED: Final = (
 BRISTLES_M: Final = 2.5e-4
 """m: way within which friction may build up: bristles bend before they slip, the more the harder they are
 held. A hysteresis as narrow is that, and no effect of its own [R; those of five worlds are 0.3 mm wide]."""
+OWN: Final = 0.5
+"""Of what a fit with bristles explains, the most that bristles of the rig's own friction may."""
 LAWS: Final = 5
 """Laws that are fitted with bristles."""
 NEARLY_ALL: Final = 0.8
@@ -93,7 +95,7 @@ def _is_narrow(named: tuple[str, float]) -> bool:
 
 def bristled(c: Calibrated, alone: Sequence[Fit], fits: Sequence[Fit], say: Report) -> list[Fit]:
     """Laws of friction among `fits` with bristles, where a narrow hysteresis that was fitted `alone` explains
-    more than each of them: the LAWS best ones at its place, once more."""
+    more than each of them: the LAWS best ones at its place, once more. The first of `fits` has no effects."""
     out = []
     for narrow in (f for f in alone if any(map(_is_narrow, _values(f).items()))):
         place = narrow.leaves[0].location
@@ -109,8 +111,19 @@ def bristled(c: Calibrated, alone: Sequence[Fit], fits: Sequence[Fit], say: Repo
             say("fitting " + " + ".join(x.name for x in f.leaves) + " with bristles")
             start = {**relative(c, f), f"{place}.coulomb_friction.presliding": width}
             found = fit(c, f.leaves, start, f.z)
-            out += [found] if found is not None and is_itself(c, found) else []
+            if found is not None and is_itself(c, found) and not _is_own(c, fits[0], found, place):
+                out.append(found)
     return out
+
+
+def _is_own(c: Calibrated, none: Fit, f: Fit, place: str) -> bool:
+    """Whether most of what a fit with bristles explains goes without its friction: the rig's own has bristles
+    as well, and that is no effect."""
+    k = c.problem.table.index(f"{place}.coulomb_friction.presliding")
+    row = np.array(none.vector)
+    row[k] = f.vector[k]
+    left = replay_cost(c, c.problem.answers(row)[0]) + c.problem.discount * none.prior_cost
+    return none.total(c) - left > OWN * (none.total(c) - f.total(c))
 
 
 def _values(f: Fit) -> dict[str, float]:
