@@ -11,7 +11,7 @@ import numpy as np
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Score, score
-from hil.gap.judged.clear import other_than_steps
+from hil.gap.judged.clear import asked, other_than_steps
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.doubt import BORNE_OUT, STANDS, chance, least_explained
 from hil.gap.judged.verdict import judge
@@ -109,8 +109,12 @@ def by_energy(found: Diagnosis) -> Diagnosis:
         sums[0] += float(np.sum(none.residual[x.part][rows] ** 2)) / floors[x.signal] ** 2
         sums[1] += float(np.sum(best.residual[x.part][rows] ** 2)) / floors[x.signal] ** 2
         sums[2] += float(rows.sum())
-    was = sum(max(before / n - 1.0, 0.0) for before, _, n in energy.values())
-    left = sum(max(after / n - 1.0, 0.0) for _, after, n in energy.values())
+    is_sure = found.causes[0].gain > asked(c).decisive
+    was, left = 0.0, 0.0
+    for before, after, n in energy.values():
+        noise = min(after / n, 1.0) if is_sure else 1.0  # what is beyond doubt leaves nothing but noise
+        was += max(before / n - noise, 0.0)
+        left += max(after / n - noise, 0.0)
     share = 1.0 - left / max(was, 1e-9)
     unseen = found.score
     worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink

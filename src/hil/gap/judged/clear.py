@@ -62,11 +62,11 @@ tuning seeds and of a second world: a healthy rig has up to 13 nats with 0.2 flo
 72 with 0.83, and spends up to 12 on priors that an effect saves, nine of ten less than 6; what is nearly
 certain is set on 40 healthy records of three worlds, which have up to 25 where all is explained]."""
 IN_FULL: Final = Asked(
-    nats=11.0, trace=0.75, always=1.2, decisive=120.0, faint=0.4, certain=120.0, nearly=120.0,
+    nats=11.0, trace=0.75, always=1.2, decisive=40.0, faint=0.4, certain=120.0, nearly=120.0,
     always_faint=0.8, saved=10.0,
 )  # fmt: skip
 """Of rides, of which each sample counts [set on training cases; of what does not ALWAYS act 38 healthy rides
-of two worlds of others have up to 9 nats, and spend up to 7 on priors that an effect saves]."""
+of two worlds of others have up to 18 nats, and spend up to 8 on priors that an effect saves]."""
 
 
 def asked(c: Calibrated) -> Asked:
