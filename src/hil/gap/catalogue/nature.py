@@ -10,7 +10,8 @@ from typing import Final
 
 ALWAYS: Final = frozenset(
     {"loop_gain", "transport_delay", "sensor_latency", "sensor_scale", "clock_drift", "force_constant",
-     "actuator_inertia", "payload_mass", "payload_inertia", "viscous_friction", "load_friction", "compliance"}
+     "actuator_inertia", "payload_mass", "payload_inertia", "viscous_friction", "load_friction", "compliance",
+     "front_suspension", "tyre_compliance"}
 )  # fmt: skip
 """They act at all times: whatever a twin lacks everywhere looks a little like one of them."""
 PLACING: Final = frozenset({"position_offset", "lead_error"})
