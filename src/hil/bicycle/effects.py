@@ -29,8 +29,7 @@ PASSES: Final = 2
 """Of the ride's low-pass over what fork and tyres answer: accelerations are second differences and need as
 much."""
 SOFTER: Final = 0.3
-"""Of the ride's cutoff: noise of an encoder's second differences shakes a sprung twin as no road shook the
-bicycle, and what a rider does lies below."""
+"""Of the ride's cutoff: what a rider does lies below, and noise of an encoder's second differences above."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +122,7 @@ class RideEffects:
 
 
 def softened(rig: BicycleFile, dt_s: float, values: Array, share: float = SOFTER) -> Array:
-    """(N, K) through the low-pass of whatever is held against fork and tyres: the ride's, softer, twice."""
+    """(N, K) through the low-pass of whatever is held against an IMU: the ride's, softer, twice."""
     how = rig.conditioning
     for _ in range(PASSES):
         values = low_pass(values, dt_s, share * how.cutoff, how.order)

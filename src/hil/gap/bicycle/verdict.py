@@ -112,7 +112,9 @@ def by_energy(found: Diagnosis) -> Diagnosis:
     is_sure = found.causes[0].gain > asked(c).decisive
     was, left = 0.0, 0.0
     for before, after, n in energy.values():
-        noise = min(after / n, 1.0) if is_sure else 1.0  # what is beyond doubt leaves nothing but noise
+        noise = (
+            min(after / n, 1.0) if is_sure else 1.0
+        )  # what is beyond doubt leaves nothing but noise
         was += max(before / n - noise, 0.0)
         left += max(after / n - noise, 0.0)
     share = 1.0 - left / max(was, 1e-9)
