@@ -37,14 +37,15 @@ LARGE: Final = 3.0
 """Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
 TURNS: Final = 2
 """Times that is done: the first time the best is still one of a model that may be off by much."""
-FAR: Final = 3.3
-NEARLY: Final = 15.0
-"""The same of one that explains nearly as much, up to so many nats less, as an effect that is no nuisance: of
-fifteen one stands 2.6 away in every seventh healthy ride."""
-HELD: Final = 1e-3
-"""Of its prior, within which a nuisance stays that is to explain nothing."""
 STRAIN: Final = 2.6
 """Prior standard deviations from which on a nuisance has gone further than calibrations leave anything."""
+FAR: Final = 3.3
+"""The same where an effect that is no nuisance stands for it: of fifteen nuisances one is STRAIN away in every
+seventh healthy ride."""
+NEARLY: Final = 15.0
+"""Nats by which such an effect must explain more than a nuisance that is not FAR."""
+HELD: Final = 1e-3
+"""Of its prior, within which a nuisance stays that is to explain nothing."""
 
 
 def diagnose_rides(

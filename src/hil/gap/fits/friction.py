@@ -34,7 +34,7 @@ OF_SPEED: Final = (
 )
 BRISTLES_M: Final = 2.5e-4
 """m: way within which friction may build up: bristles bend before they slip, the more the harder they are
-held. A hysteresis as narrow is that, and no effect of its own [R; those of five worlds are 0.3 mm wide]."""
+held. A hysteresis as narrow is that, and no effect of its own [R; those of all worlds are wider]."""
 OWN: Final = 0.5
 """Of what a fit with bristles explains, the most that bristles of the rig's own friction may."""
 LAWS: Final = 5
