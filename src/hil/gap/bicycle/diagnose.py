@@ -40,8 +40,8 @@ TURNS: Final = 2
 STRAIN: Final = 2.6
 """Prior standard deviations from which on a nuisance has gone further than calibrations leave anything."""
 FAR: Final = 3.3
-"""The same where an effect that is no nuisance stands for it: of fifteen nuisances one is STRAIN away in every
-seventh healthy ride."""
+"""The same where an effect that is no nuisance stands for it: of fifteen nuisances one is STRAIN away in
+every seventh healthy ride."""
 NEARLY: Final = 15.0
 """Nats by which such an effect must explain more than a nuisance that is not FAR."""
 HELD: Final = 1e-3
