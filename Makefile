@@ -30,7 +30,8 @@ run: $(VENV)/run.stamp ## the simulated motorcycle rig, the daemon and a riding 
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/dev.stamp ## all tests of hil that need no root and no SocketCAN
-	$(PYTEST) --ignore=tests/benchmarks --ignore=tests/whole
+	$(PYTEST) -m "not realtime" --ignore=tests/benchmarks --ignore=tests/whole
+	$(PYTEST) -m realtime
 
 test-whole: $(VENV)/dev.stamp ## whole diagnoses, rides, measures and pages, some seconds each
 	$(PYTEST) tests/whole

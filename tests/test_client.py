@@ -57,8 +57,8 @@ def test_states_arrive_one_by_one_and_the_last_one_is_at_hand(running, rig):
     states = rig.states()
     for t_s in (1.0, 2.0, 3.0):
         running.control.state(t_s=t_s)
-    assert [next(states).t for _ in range(3)] == [1.0, 2.0, 3.0]
-    assert rig.state().t == 3.0
+        assert next(states).t == t_s
+        assert rig.state().t == t_s
     assert rig.state().actuators["slide"].position == 0.6
 
 

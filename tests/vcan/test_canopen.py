@@ -12,7 +12,7 @@ import can
 import pytest
 
 from hil.runs import load_run
-from tests.daemon.test_processes import Bench
+from tests.daemon.bench import Bench
 from tests.drives.cia402.on_wire import calm_rig, their_master_moves_it
 
 from .wire import PATIENCE_S, URL, VCAN, Rider, engage, sway, wait_for

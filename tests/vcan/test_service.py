@@ -17,7 +17,7 @@ from hil.client import RigClient
 from hil.errors import RigNotReached
 from hil.runs import load_run
 from hil.runs.folder import read_meta
-from tests.daemon.test_processes import in_state, sway, wait_for
+from tests.daemon.bench import PATIENCE_S, arm, in_state, ride, wait_for
 from tests.vcan.init_systemd import Systemd, in_guest, need, service_python
 from tests.vcan.model import hand_over
 from tests.vcan.wire import URL, slower
@@ -33,7 +33,6 @@ UNIT = "hild.service"
 RUNS = Path("/var/lib/hil/runs")
 RIG = Path("/etc/hil/rig.toml")
 MODEL = Path("/var/cache/hil")
-PATIENCE_S = 90.0
 ENDPOINT = "tcp/127.0.0.1:7447"
 
 
@@ -153,29 +152,6 @@ def steady(service, use):
         else:
             return client
     raise AssertionError
-
-
-def ride(client):
-    """Until it follows cues: on a busy host the guest may overrun, which is an emergency, as it should be."""
-    for _ in range(4):
-        arm(client)
-        sway(client, 1.0)
-        if client.state().state == "engaged":
-            return
-    raise AssertionError(f"{client.state().state}: {client.state().fault}")
-
-
-def arm(client):
-    """A drive that ran into its watchdog is reset first, as a person would, as often as that happens."""
-    end_s = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end_s:
-        in_state(client, "parked", "fault", "emergency")
-        if client.state().state != "parked":
-            client.command("reset")
-        elif client.command("arm").ok:
-            return
-        time.sleep(0.1)
-    raise AssertionError(f"not armed: {client.state()}")
 
 
 def kernel_log():

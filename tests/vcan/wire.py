@@ -18,7 +18,7 @@ import pytest
 from hil.client import RigClient
 from hil.configfile import find_rig_file
 from hil.errors import RigNotReached
-from tests.daemon.test_processes import Bench
+from tests.daemon.bench import Bench
 
 VCAN = os.environ.get("HIL_VCAN", "vcan0")
 URL = f"socketcan:{VCAN}"

@@ -60,6 +60,7 @@ def demo(
 
     Starts the simulated rig behind a CAN hub, the daemon with both its processes, and a client that streams
     riding cues over Zenoh. Ends parked, with a recording and a page of plots. Ctrl-C parks, then leaves.
+    The rig waits half a second for a drive or a cue, longer than one with a person on it: desks are busy.
     """
     folder = (_ride_fast if fast else _ride)(rig, seconds, cue, mode, runs, seed)
     run = load_run(folder)
@@ -93,16 +94,18 @@ def _ride_fast(
 def _ride(
     name: str, seconds: float, cue: Path | None, mode: ModeName | None, runs: Path, seed: int
 ) -> Path:
-    rig, _ = rig_with(name, mode=mode)
+    rig, text = rig_with(name, mode=mode, patient=True)
     runs.mkdir(parents=True, exist_ok=True)
     before = set(runs.iterdir())
-    with (
-        tempfile.TemporaryDirectory(prefix="hil-demo-") as scratch,
-        Cast(rig, name, mode, runs, seed, Path(scratch)) as cast,
-    ):
-        cast.play(
-            ["ride", name, "--seconds", str(seconds)] if cue is None else ["play", name, str(cue)]
-        )
+    with tempfile.TemporaryDirectory(prefix="hil-demo-") as scratch:
+        file = Path(scratch) / f"{rig.name}.toml"
+        file.write_text(text)
+        with Cast(rig, file, runs, seed) as cast:
+            cast.play(
+                ["ride", str(file), "--seconds", str(seconds)]
+                if cue is None
+                else ["play", str(file), str(cue)]
+            )
     made = sorted(set(runs.iterdir()) - before)
     if not made:
         raise HilError(f"the daemon left no recording in {runs}; what it said is above")
@@ -110,28 +113,21 @@ def _ride(
 
 
 class Cast:
-    """The processes of the demo. Leaving it ends them, the daemon first: it parks."""
+    """The processes of the demo. Leaving it ends them, the daemon first: it parks.
 
-    def __init__(
-        self,
-        rig: RigFile,
-        name: str,
-        mode: ModeName | None,
-        runs: Path,
-        seed: int,
-        scratch: Path,
-    ) -> None:
+    Sockets and a log are made beside `file`, the rig file that all of them read.
+    """
+
+    def __init__(self, rig: RigFile, file: Path, runs: Path, seed: int) -> None:
         self._rig = rig
-        self._name = name
+        scratch = file.parent
         self._log = (scratch / "log.txt").open("w+")
         self._endpoint = f"tcp/127.0.0.1:{free_port()}"
         sockets = [scratch / f"bus{k or ''}.sock" for k in range(len(rig.can.urls))]
         bus = ",".join(f"hub:{path}" for path in sockets)
-        self._simulate = ["simulate", name, "--hub", "--can", bus, "--seed", str(seed)]
-        self._daemon = ["run", name, "--can", bus, "--listen", self._endpoint]
+        self._simulate = ["simulate", str(file), "--hub", "--can", bus, "--seed", str(seed)]
+        self._daemon = ["run", str(file), "--can", bus, "--listen", self._endpoint]
         self._daemon += ["--runs", str(runs.resolve())]
-        if mode is not None:
-            self._daemon += ["--mode", mode.value]
         self._sockets = sockets
         self._processes: list[subprocess.Popen[bytes]] = []
 

@@ -41,6 +41,9 @@ RunsOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option("--seed", help="Seed of noise and jitter.", min=0)]
 
+PATIENCE_S = 0.5
+"""So long a simulated rig may stand still: a desk computer without real-time rights does, now and then."""
+
 
 def rig_with(
     name: str,
@@ -49,8 +52,12 @@ def rig_with(
     mode: ModeName | None = None,
     listen: str | None = None,
     runs: Path | None = None,
+    patient: bool = False,
 ) -> tuple[RigFile, str]:
-    """The rig file `name` with what the command line says instead, and the text of that."""
+    """The rig file `name` with what the command line says instead, and the text of that.
+
+    `patient` is for simulated rigs in real time: silence up to `PATIENCE_S` is no fault.
+    """
     rig = load_rig(name)
     tables: dict[str, Any] = rig.model_dump()
     if can is not None:
@@ -61,8 +68,19 @@ def rig_with(
         tables["zenoh"]["listen"] = (listen,)
     if runs is not None:
         tables["recording"]["folder"] = str(runs)
+    if patient:
+        make_patient(tables)
     resolved = parse_settings(tables, RigFile, name)
     return resolved, rig_toml(resolved, f"{find_rig_file(name)} with every default filled in")
+
+
+def make_patient(tables: dict[str, Any]) -> None:
+    """Let a rig file's tables wait `PATIENCE_S` for drives and cues, and miss as many cycles."""
+    cycles = min(100, round(PATIENCE_S / tables["bus"]["cycle"]))
+    waits = {"answer_timeout": PATIENCE_S, "drive_watchdog": PATIENCE_S, "overrun_cycles": cycles}
+    for key, patience in waits.items():
+        tables["safety"][key] = max(tables["safety"][key], patience)
+    tables["cue"]["stale"] = max(tables["cue"]["stale"], PATIENCE_S)
 
 
 def put_buses(table: dict[str, Any], urls: str) -> None:
