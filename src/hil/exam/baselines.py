@@ -59,7 +59,9 @@ class Ground:
         if isinstance(case.rig, BicycleFile):
             nuisances = ride_nuisances(case.rig, e.problem)
         else:
-            nuisances = tuple(default_nuisances(case.rig, e.problem.signals))
+            nuisances = tuple(
+                default_nuisances(case.rig, e.problem.signals, are_forces=e.problem.are_forces)
+            )
         best = refit(_only(e.problem, train), e.noise, nuisances, e.vector)
         kept = e.problem.kept
         return cls(

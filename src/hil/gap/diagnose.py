@@ -28,6 +28,7 @@ from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.verdict import answer, stands
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
+from hil.gap.record.problem import Problem
 from hil.gap.record.runs import as_runs
 from hil.gap.search.candidates import fit_candidates
 from hil.gap.search.linear import Search
@@ -96,13 +97,13 @@ def consider(
     if healthy:
         say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
-        nuisances = as_found(found, default_nuisances(rig, found.evidence.problem.signals))
+        nuisances = as_found(found, _nuisances(found.evidence.problem))
     say("locating the gap")
     located = locate(loaded, rig, nuisances=nuisances, healthy=found, seed=seed)
     e = located.evidence
     whole = e.problem
     parts = split(whole, e.noise, e.residual)
-    chosen = tuple(nuisances or default_nuisances(whole.rig, whole.signals))
+    chosen = tuple(nuisances or _nuisances(whole))
     steps = {} if "sensor_quantisation" in without else coarse_steps(whole, e.residual)
     c, none = begin(e, parts, chosen, steps, seed)
     say("computing what each candidate would do")
@@ -119,6 +120,10 @@ def consider(
         fits = rounded(c, fits, steps)
     held = ~parts.train(whole)
     return Considered(located, c, tuple(fits), bank, held, parts.text, is_large)
+
+
+def _nuisances(problem: Problem) -> tuple[Nuisance, ...]:
+    return default_nuisances(problem.rig, problem.signals, are_forces=problem.are_forces)
 
 
 def as_found(found: Located, priors: Sequence[Nuisance]) -> list[Nuisance]:

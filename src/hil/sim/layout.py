@@ -114,14 +114,14 @@ BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
     S_CURRENT, S_FREF, S_INTEGRAL, S_VREF, S_FF, S_X0, S_X1, S_T0, S_T1, S_SLOPE, S_AREF,
     S_MODE, S_BRAKE, S_FORCE_SETPOINT, S_PENDING, S_PENDING_T, S_HAS_PENDING,
     S_FIFO, S_FIFO_1, S_FIFO_2, S_FIFO_3, S_FIFO_T, S_FIFO_T1, S_FIFO_T2, S_FIFO_T3, S_FIFO_N,
-    S_PLAY, S_IDLE, S_STATIC, S_XD, S_VD, S_BRISTLE,
-) = range(44)  # fmt: skip
-S_ROWS = 44
+    S_PLAY, S_IDLE, S_STATIC, S_XD, S_VD, S_BRISTLE, S_PULL,
+) = range(45)  # fmt: skip
+S_ROWS = 45
 """Rows of the state: pose, its rates; motor velocity, actuator rate and position; wind-up of motor against
 load, contact, hysteresis, slip direction, friction force, transmitted force; current's force, force
 reference, integrator, speed reference, pre-control; segment of the setpoint; mode, brake; setpoints that
 wait; static force of the pose; position and velocity as the drive's encoder gives them; force of
-bent bristles."""
+bent bristles; acceleration that leads a replay to what was measured."""
 S_TAIL = 13
 """Twelve values of the IMU filter, then the tick."""
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from hil.compiled import compiled, inner
 from hil.rigs.kernel import scratch, terms_in
+from hil.rigs.linear import solve_square
 from hil.sim import layout as lay
 from hil.sim.drive_loops import encoder
 from hil.sim.friction import (
@@ -80,7 +81,7 @@ def _resist(act, st, w, i, h, force, rho):  # type: ignore[no-untyped-def]
         w[W_LO, i] = 0.0
         w[W_HI, i] = 0.0
     w[W_C, i] = c
-    w[W_F0, i] = f0 - c * v
+    w[W_F0, i] = f0 - c * v + act[lay.A_REFLECTED, i] * st[lay.S_PULL, i]
     past = max(rho - act[lay.A_UPPER, i], 0.0) + min(rho - act[lay.A_LOWER, i], 0.0)
     w[W_STOP_C, i] = 0.0
     w[W_STOP_F, i] = 0.0
@@ -90,6 +91,22 @@ def _resist(act, st, w, i, h, force, rho):  # type: ignore[no-untyped-def]
         w[W_STOP_F, i] = -k * past
         if past * st[lay.S_RATE, i] > 0.0:
             w[W_STOP_C, i] += act[lay.A_MEFF, i] * STOP_W
+
+
+@inner
+def _pull(st, w, bias, M, J, S):  # type: ignore[no-untyped-def]
+    """Take from `bias` what accelerates the load as S_PULL asks: like weight it acts on all masses alike, so
+    that it swings no spring."""
+    n = S.shape[0]
+    x = w[W_X]
+    for i in range(n):
+        x[i] = st[lay.S_PULL, i]
+        for a in range(n):
+            S[i, a] = J[i, a]
+    if solve_square(S, x):
+        for a in range(n):
+            for b in range(n):
+                bias[a] -= M[a, b] * x[b]
 
 
 @inner
@@ -265,8 +282,12 @@ def step(kind, views, st, mem, force, h):  # type: ignore[no-untyped-def]
         q[a] = st[lay.S_Q, a] + 0.5 * h * st[lay.S_QD, a]
         qd[a] = st[lay.S_QD, a] + 0.5 * h * st[lay.S_QDD, a]
     terms_in(own, kind, geometry, body, legs, gravity, q, qd, M, bias, rho, J, jdqd)
+    pulled = False
     for i in range(n):
         _resist(act, st, w, i, h, force[i], rho[i])
+        pulled = pulled or st[lay.S_PULL, i] != 0.0
+    if pulled:
+        _pull(st, w, bias, M, J, S)
     for _ in range(CONTACT_PASSES):
         for i in range(n):
             _couple(act, st, w, i, h)

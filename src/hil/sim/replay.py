@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from hil.compiled import compiled
+from hil.compiled import compiled, inner
 from hil.sim import layout as lay
 from hil.sim.drive_loops import EPSILON_S, deliver
 from hil.sim.imu import group_delay_s
@@ -13,14 +15,49 @@ from hil.sim.rest import REST_M, rest, state_size
 from hil.sim.run import put_outputs, tick, tick_memory
 from hil.sim.sensors import is_lost, reading, sampled_at, sensor_constants
 
+SETTLED = 5.0
+"""An error's rate is known after so many radians of the error's own swing."""
+
+
+@inner
+def _lead(st, i, error, t, w, last):  # type: ignore[no-untyped-def]
+    """Let the model follow what was measured: `error` of actuator i's position at instant t.
+
+    A spring and a damper from the model to the measurement, in proportion to the masses, so that in every
+    direction it would swing with w rad/s, critically damped. They act until the next sample; `last`
+    (3,): error, instant and rate.
+    """
+    if t > last[1]:
+        step = t - last[1]
+        last[2] += min(1.0, SETTLED * w * step) * ((error - last[0]) / step - last[2])
+    last[0], last[1] = error, t
+    st[lay.S_PULL, i] = w * w * error + 2.0 * w * last[2]
+
 
 @compiled
-def replay(base, p, start, modes, q_guess, ev_first, ev_t, ev_value, s_first, s_t, s_signal, out):  # type: ignore[no-untyped-def]
+def replay(  # type: ignore[no-untyped-def]
+    base,
+    p,
+    start,
+    modes,
+    q_guess,
+    ev_first,
+    ev_t,
+    ev_value,
+    s_first,
+    s_t,
+    s_signal,
+    seen,
+    lead_w,
+    out,
+):
     """Run the record with parameters `p` on model `base`, from rest at actuator positions `start` (n,).
 
     Events of actuator i are ev_*[ev_first[i] : ev_first[i + 1]]: send instants s (rising) and setpoints.
     Samples of group g are [s_first[g] : s_first[g + 1]] of s_t (receive stamps s, rising) and `out`; its
     signal is s_signal[g]: as in `sensors.sensor_constants`, then n for the true pose, stamped when it held.
+    The last of them lead the model to what was measured: positions `seen`, from the place in `out` on where
+    they begin, with lead_w (rad/s) as in `_lead`.
     """
     n = int(base[lay.H_N])
     model = np.empty_like(base)
@@ -69,6 +106,9 @@ def replay(base, p, start, modes, q_guess, ev_first, ev_t, ev_value, s_first, s_
         due[g] = np.inf
         if at[g] < s_first[g + 1]:
             due[g] = sampled_at(s_t[at[g]] - delay[g], sensor[g, 2], sensor[g, 4], 0.0)
+    leads = out.shape[0] - seen.shape[0]
+    last = np.zeros((n, 3))
+    last[:, 1] = math.inf
     k = 0
     while True:
         earliest = np.inf
@@ -78,6 +118,9 @@ def replay(base, p, start, modes, q_guess, ev_first, ev_t, ev_value, s_first, s_
                 c = column[g]
                 value = (rows[0, c] + (rows[1, c] - rows[0, c]) * x) / unit[g]
                 out[at[g]] = reading(value, home[g], sensor[g, 0], sensor[g, 1], sensor[g, 3])
+                if at[g] >= leads:
+                    error = seen[at[g] - leads] - out[at[g]]
+                    _lead(st, s_signal[g], error, due[g], lead_w, last[s_signal[g]])
                 at[g] += 1
                 due[g] = np.inf
                 if at[g] < s_first[g + 1]:

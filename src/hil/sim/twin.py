@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 Series = tuple[Array, Array]
 """Instants (s, rising) and values of one signal."""
 MODES: Final = {"position": lay.MODE_POSITION, "force": lay.MODE_FORCE}
+LEAD_W: Final = 10.0
+"""rad/s: faster than a platform falls over, slower than what effects do to a motion."""
+LEAD_TURN: Final = 0.3
+"""rad of that between two samples, at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,16 +75,19 @@ class Twin:
         mode: Literal["position", "force"] = "position",
         start: Sequence[float] | None = None,
         guess: Sequence[float] | None = None,
+        lead: Mapping[str, Series] | None = None,
     ) -> Replay:
         """A record to replay, packed once for many runs.
 
         `setpoints`: by actuator, send instants and values (m, or N in mode "force"). `samples`: by signal,
         the stamps at which its answers were received, s (for `pose.*` the instants themselves). `start`:
         the positions that the drives held before the first setpoint; default: the first setpoints in mode
-        "position", home in mode "force". `guess`: a pose near the start, default neutral. RunError names
-        a signal whose stamps run back or that does not exist.
+        "position", home in mode "force". `guess`: a pose near the start, default neutral. `lead`: by
+        actuator, measured positions (stamps and values) that the model is led to by a soft spring: by forces
+        alone a platform falls over. RunError names a signal whose stamps run back or
+        that does not exist.
         """
-        return Replay(self, setpoints, samples, mode, start, guess)
+        return Replay(self, setpoints, samples, mode, start, guess, lead or {})
 
     def replay(
         self,
@@ -107,6 +114,7 @@ class Replay:
         mode: Literal["position", "force"],
         start: Sequence[float] | None,
         guess: Sequence[float] | None,
+        lead: Mapping[str, Series],
     ) -> None:
         self.twin = twin
         rig, n = twin.rig, len(twin.rig.actuators)
@@ -139,6 +147,13 @@ class Replay:
             self.slices[name] = slice(position, position + len(t))
             position += len(t)
         self.size = position
+        for name, (t, value) in lead.items():
+            _check(f"{name}.position", t, value)
+        led = [(name, t, value) for name, (t, value) in lead.items() if len(t) > 1]
+        seen = [np.asarray(value, dtype=float) for _, _, value in led]
+        stamps += [np.asarray(t, dtype=float) for _, t, _ in led]
+        signals = [*samples, *(f"{name}.position" for name, _, _ in led)]
+        self._count = position + sum(len(value) for value in seen)
         if start is None:
             start = [
                 float(value[0]) if len(value) and mode == "position" else a.home
@@ -153,16 +168,18 @@ class Replay:
             np.concatenate([np.asarray(v, dtype=float) for _, v in events]),
             np.cumsum([0] + [len(t) for t in stamps]),
             np.concatenate([*stamps, np.empty(0)]) - self.origin_s,
-            np.array([twin.signals[name] for name in samples], dtype=np.int64),
+            np.array([twin.signals[name] for name in signals], dtype=np.int64),
+            np.concatenate([*seen, np.empty(0)]),
+            min((lead_w(t) for _, t, _ in led), default=LEAD_W),
         )
 
     def run(self, parameters: Array | None = None) -> Array:
         """All samples (N,) with the parameter vector `parameters` (default: the rig file's); NaN where no
         pose closes the mechanism."""
-        out = np.empty(self.size)
+        out = np.empty(self._count)
         vector = self.twin.parameters if parameters is None else parameters
         replay(self.twin.model, np.asarray(vector, dtype=float), *self._arguments, out)
-        return out
+        return out[: self.size]
 
     def run_many(
         self, parameters: Array, workers: int | None = None, models: Sequence[Array] | None = None
@@ -171,7 +188,7 @@ class Replay:
 
         `models`: a packed model for each row, where rows also differ in numbers of the rig file.
         """
-        out = np.empty((len(parameters), self.size))
+        out = np.empty((len(parameters), self._count))
         rows = np.ascontiguousarray(parameters, dtype=float)
         bases = [self.twin.model] * len(rows) if models is None else models
 
@@ -180,7 +197,7 @@ class Replay:
 
         with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
             list(pool.map(one, range(len(rows))))
-        return out
+        return out[:, : self.size]
 
     def by_signal(self, flat: Array) -> dict[str, Array]:
         """The flat samples as one array a signal."""
@@ -207,6 +224,12 @@ class Replay:
         values = self.run_many(np.array(rows).reshape(len(rows), len(at)))
         slopes: Array = ((values[0::2] - values[1::2]) / np.array(spans)[:, None]).T
         return slopes
+
+
+def lead_w(t: Array) -> float:
+    """rad/s with which positions sampled at `t` lead a model: slower where they are far apart, as a force
+    that is held between two samples acts late."""
+    return min(LEAD_W, LEAD_TURN / float(np.median(np.diff(t))))
 
 
 def _check(name: str, t: Array, value: Array | None = None) -> None:

@@ -145,9 +145,7 @@ def _actuator(
             leaf("force_ripple", "amplitude period phase",
                      [({"period": p}, *_waves(f)) for p in periods])
         )  # fmt: skip
-    modes = {piece.mode for piece in problem.pieces}
-    if "position" in modes:
-        out.append(leaf("transport_delay", "delay", [({}, {"delay": d}) for d in DELAYS_S]))
+    out.append(leaf("transport_delay", "delay", [({}, {"delay": d}) for d in DELAYS_S]))
     out.append(
         leaf("position_offset", "offset", [({}, {"offset": scale("position_offset", "offset")})])
     )

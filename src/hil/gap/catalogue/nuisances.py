@@ -28,6 +28,9 @@ COULOMB: Final = 0.06
 """Of the rig file's own Coulomb friction: it follows wear, oil and load [R]."""
 DELAY_S: Final = 0.0002
 """A setpoint's way to its drive: mean wait on the bus and phase of the drive's ticks [R]."""
+FORCE_DELAY_S: Final = 0.0006
+"""The same where setpoints are forces: no tick is read from the record that would tell how long frames wait
+for those of other drives [R: up to a millisecond on a simulated bus of six]."""
 LATENCY_S: Final = {"position": 0.00015, "velocity": 0.00015, "force": 0.00017, "current": 0.00017}
 """A drive's answers: mean wait of request and answer on the bus, and a tick told one too far; forces swing
 within each tick, and half of one must be within their bound (`hil.gap.located.phase`) [R]."""
@@ -66,10 +69,12 @@ class Nuisance:
     """Of `sd`: how far a run may stand from a reference."""
 
 
-def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, ...]:
+def default_nuisances(
+    rig: RigFile, signals: Iterable[str], *, are_forces: bool = False
+) -> tuple[Nuisance, ...]:
     """Mass, its place, a pendulum's inertia, viscous friction, delays, level, offsets of all sensors.
 
-    Only those that the recorded `signals` can feel are given.
+    Only those that the recorded `signals` can feel are given. `are_forces`: setpoints are.
     """
     known = set(signals)
     out = [Nuisance("platform.payload_mass.mass", MASS * rig.mass.m, "kg")]
@@ -86,7 +91,8 @@ def default_nuisances(rig: RigFile, signals: Iterable[str]) -> tuple[Nuisance, .
         out.append(Nuisance(f"{a.name}.viscous_friction.coefficient", sd, "N·s/m"))
         out.append(Nuisance(f"{a.name}.coulomb_friction.force", COULOMB * a.coulomb, "N"))
         if rig.bus.setpoint_delay > 0.0:
-            out.append(Nuisance(f"{a.name}.transport_delay.delay", DELAY_S, "s"))
+            sd = FORCE_DELAY_S if are_forces else DELAY_S
+            out.append(Nuisance(f"{a.name}.transport_delay.delay", sd, "s"))
         for quantity, sd in LATENCY_S.items():
             if f"{a.name}.{quantity}" in known:
                 delay = f"{a.name}.{quantity}.sensor_latency.delay"

@@ -7,16 +7,17 @@ noise and rounds. A draw minus the smooth prediction is what a residual is where
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import RigFile
+from hil.gap.record.led import replay_led
 from hil.gap.record.problem import Problem, Series, run_all
 from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import Stretch
-from hil.sim.twin import Twin
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,8 @@ def draws(
     base = problem.predict(vector)[0]
     longest_s = longest_wait_s(rig)
     tasks = []
-    for _ in range(count):
+    leading: list[tuple[int, slice, Array]] = []
+    for d in range(count):
         for k, piece in enumerate(problem.sent):
             told = {}
             for a, (t, v) in piece.setpoints.items():
@@ -56,14 +58,22 @@ def draws(
                 told[a] = (acting(rig, _waited(t, longest_s, rng), ticks), v)
             series = [x for x in problem.series if x.stretch == k]
             stamps = {x.signal: _late(piece, x, rig, rng) for x in series}
-            twin = Twin(rig, smooth=True, payload=piece.payload)
-            tasks.append((twin.record(told, stamps, mode=piece.mode), vector))
+            lead: dict[str, tuple[Array, Array]] = {}
+            for x in series:
+                if piece.mode == "force" and x.quantity == "position":
+                    # What leads the twin is noisy too: of that the residual lacks what the twin follows.
+                    noise = _sensed(base[x.part], rig, x, rng) - base[x.part]
+                    leading.append((d, x.part, noise))
+                    lead[x.actuator] = (stamps[x.signal], piece.samples[x.signal][1] - noise)
+            tasks.append((replay_led(rig, replace(piece, setpoints=told), stamps, lead), vector))
     flat = run_all(tasks)
     per = len(problem.sent)
     out = np.array([np.concatenate(flat[d * per : (d + 1) * per]) for d in range(count)])
     sensed = np.empty_like(out)
     for x in problem.series:
         sensed[:, x.part] = _sensed(out[:, x.part], rig, x, rng)
+    for d, part, noise in leading:
+        sensed[d, part] = out[d, part] + noise
     return np.asarray(out - base), np.asarray(sensed - out)
 
 

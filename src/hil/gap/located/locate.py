@@ -74,7 +74,7 @@ def locate(
     findings += check_answers(smooth)
     refuse(findings)
     problem = smooth.with_clocks(find_clocks(smooth))
-    chosen = nuisances or default_nuisances(rig, problem.signals)
+    chosen = nuisances or default_nuisances(rig, problem.signals, are_forces=problem.are_forces)
     guess = find_noise(problem, problem.base, rng, count=2)
     best = refit(problem, guess, chosen, begun(problem, guess, chosen))
     found = find_noise(

@@ -20,11 +20,13 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.errors import IdentificationError
 from hil.gap.record.leaf import Leaf
+from hil.gap.record.led import replay_led
+from hil.gap.record.sides import sided
 from hil.gap.record.standstill import LOOSE, at_rest
 from hil.gap.record.ticks import Clocks, at_ticks
 from hil.identify.replay import Stretch
 from hil.sim.parameters import ParameterTable
-from hil.sim.twin import Replay, Twin
+from hil.sim.twin import Replay
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -80,10 +82,10 @@ class Problem:
         settle_s: float = SETTLE_S,
     ) -> None:
         self.rig = rig
-        self.sent = tuple(pieces)
-        """Stretches as they were recorded."""
+        self.sent = tuple(sided(rig, piece) for piece in pieces)
+        """Stretches as they were recorded, but for forces that were set: those answer from their own side."""
         self.clocks: Clocks = {} if clocks is None else clocks
-        self.pieces = tuple(at_ticks(rig, pieces, self.clocks))
+        self.pieces = tuple(at_ticks(rig, self.sent, self.clocks))
         """Stretches whose setpoints act at the drives' ticks."""
         self.settle_s = settle_s
         self.table = ParameterTable(rig)
@@ -135,8 +137,7 @@ class Problem:
                 f"{piece.name}: holds no {', '.join(f'{a}.{kind}' for a in missing)}, so the twin cannot "
                 "replay it"
             )
-        twin = Twin(self.rig, smooth=True, payload=piece.payload)
-        return twin.record(piece.setpoints, stamps, mode=piece.mode)
+        return replay_led(self.rig, piece, stamps)
 
     def _samples(self, x: Series) -> tuple[Array, Array]:
         return self.pieces[x.stretch].samples[x.signal]
@@ -172,6 +173,11 @@ class Problem:
     def actuators(self) -> tuple[str, ...]:
         """Names of what `motion` tells position, velocity and force of."""
         return tuple(self.rig.actuator_names)
+
+    @property
+    def are_forces(self) -> bool:
+        """Whether the setpoints of any stretch are forces."""
+        return any(piece.mode == "force" for piece in self.pieces)
 
     def with_clocks(self, clocks: Clocks) -> Problem:
         """The same data, with the drives' ticks elsewhere."""

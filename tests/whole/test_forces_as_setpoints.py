@@ -1,0 +1,57 @@
+"""Rides in which the daemon closes the loops and drives are given forces are diagnosed as all others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.config import Effect, RigFile
+from hil.configfile import load_rig, parse_settings, rig_toml
+from hil.control.demo_ride import DemoRide
+from hil.control.streaming import cues
+from hil.daemon.simulated import record_ride
+from hil.drivefiles import load_profiles
+from hil.gap import diagnose
+from hil.runs import Run, load_run
+from tests.gap.twin_runs import effect
+
+SECONDS = 15.0
+
+
+def ridden(folder: Path, name: str, mode: str, *hidden: Effect) -> tuple[Run, RigFile]:
+    tables = load_rig(name).model_dump()
+    tables["control"]["mode"] = mode
+    rig = parse_settings(tables, RigFile, name)
+    ride = cues(DemoRide(rig).poses, 0.0, SECONDS, "ride")
+    text = rig_toml(rig, name)
+    made = record_ride(rig, text, load_profiles(rig), ride, folder, hidden=hidden)
+    run = load_run(made)
+    assert run.meta.mode == "force"
+    return run, rig
+
+
+def test_a_platform_that_the_daemon_holds_up_is_no_gap(tmp_path: Path) -> None:
+    run, rig = ridden(tmp_path, "motorcycle", "computed_torque")
+    found = diagnose(run, rig)
+    assert found.verdict == "no_gap", found.sentence
+
+
+@pytest.mark.parametrize(
+    ("mode", "hidden"),
+    [
+        ("computed_torque", effect("coulomb_friction", force=30.0)),
+        ("cascade", effect("transport_delay", delay=0.006)),
+    ],
+    ids=["friction", "delay"],
+)
+def test_what_acts_between_the_daemons_loops_and_the_rig_is_found(
+    tmp_path: Path, mode: str, hidden: Effect
+) -> None:
+    run, rig = ridden(tmp_path, "axis", mode, hidden)
+    best = diagnose(run, rig).causes[0]
+    ((name, value),) = hidden.parameters.items()
+    assert (best.effect, best.location) == (hidden.effect, "axis")
+    assert best.parameters[name].value == pytest.approx(value, rel=0.1)
+    assert best.shrink is not None
+    assert best.shrink > 0.9
