@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from hil.config import RigFile
 from hil.gap.record.led import replay_led
@@ -28,6 +29,10 @@ STAMP_SHARE: Final = 0.02
 Otherwise an encoder without noise would count a microsecond of timing as gap."""
 WAIT_FRAMES: Final = 1.0
 """A frame waits for the one that is on the bus [R]."""
+UNKNOWN: Final = 0.5
+"""Of the noise of a force sensor, which in mode "position" hides what friction and masses are off by: where
+forces are set nothing hides it, and a soft spring shows a newton [R]."""
+UNKNOWN_HZ: Final = 3.0
 BUSY: Final = 0.4
 """Chance that one is [R]."""
 
@@ -56,6 +61,8 @@ def draws(
             for a, (t, v) in piece.setpoints.items():
                 ticks = problem.clocks.get((k, a)) or _anywhere(rig, rng)
                 told[a] = (acting(rig, _waited(t, longest_s, rng), ticks), v)
+                if piece.mode == "force":
+                    told[a] = (told[a][0], v + _unknown_force(rig, v.shape, rng))
             series = [x for x in problem.series if x.stretch == k]
             stamps = {x.signal: _late(piece, x, rig, rng) for x in series}
             lead: dict[str, tuple[Array, Array]] = {}
@@ -75,6 +82,13 @@ def draws(
     for d, part, noise in leading:
         sensed[d, part] = out[d, part] + noise
     return np.asarray(out - base), np.asarray(sensed - out)
+
+
+def _unknown_force(rig: RigFile, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    """A slow force, one for each setpoint, that no twin knows."""
+    keep = np.exp(-2.0 * np.pi * UNKNOWN_HZ * rig.bus.cycle)
+    push = np.sqrt(1.0 - keep**2) * rng.standard_normal(shape)
+    return UNKNOWN * rig.noise.force * np.asarray(lfilter([1.0], [1.0, -keep], push))
 
 
 def _anywhere(rig: RigFile, rng: np.random.Generator) -> Ticks | None:

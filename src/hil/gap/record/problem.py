@@ -22,7 +22,7 @@ from hil.errors import IdentificationError
 from hil.gap.record.leaf import Leaf
 from hil.gap.record.led import replay_led
 from hil.gap.record.sides import sided
-from hil.gap.record.standstill import LOOSE, at_rest
+from hil.gap.record.standstill import LOOSE, at_rest, is_held
 from hil.gap.record.ticks import Clocks, at_ticks
 from hil.identify.replay import Stretch
 from hil.sim.parameters import ParameterTable
@@ -116,6 +116,9 @@ class Problem:
         for x in series:
             if x.quantity in ("force", "current") and x.actuator in rig.actuator_names:
                 self.kept[x.part] &= ~at_rest(self.sent[x.stretch], x.actuator, self.t_s[x.part])
+            else:
+                own = [x.actuator] if x.actuator in rig.actuator_names else rig.actuator_names
+                self.kept[x.part] &= ~is_held(self.sent[x.stretch], own, self.t_s[x.part])
         if not self.kept.any():
             raise IdentificationError(
                 f"{', '.join(p.name for p in pieces)}: nothing moved by {1e3 * LOOSE:g} mm or mrad: there is "

@@ -1,16 +1,19 @@
-"""Where forces say nothing of the rig: at rest, friction holds whatever force it was left with.
+"""Where a record says nothing of the rig: at rest, friction holds whatever force it was left with.
 
 A drive's integrator may keep its force, creep may let it go; both are friction at rest, within its band, and
 depend on laws and history that no rig file holds. So forces are judged while setpoints move, and from a rest
-on when they have moved so far that friction has turned.
+on when they have moved so far that friction has turned. Where the setpoints are forces it is the motion that
+says nothing at rest or when it turns: bristles of that friction bend with every force that a loop sets.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hil.identify.replay import Stretch
 
@@ -26,6 +29,8 @@ PAUSE_S: Final = 0.1
 LOOSE: Final = 5e-4
 """m or rad: until it has moved so far, what an actuator's stiction and integrator hold is not known."""
 AHEAD_S: Final = 0.02
+TURN_S: Final = 0.1
+"""An actuator that moves by less than LOOSE from so long before to so long after rests or turns round."""
 FEWEST: Final = 50
 """Samples that must be left; a record that hardly moves is judged as it is."""
 
@@ -47,4 +52,17 @@ def at_rest(piece: Stretch, actuator: str, t_s: Array) -> Mask:
         away = np.abs(told - told[np.searchsorted(t, first) - 1]) > LOOSE
         loose = t[(t >= first) & away]
         out |= held & (t_s < (loose[0] if len(loose) else np.inf))
+    return out if np.count_nonzero(~out) >= FEWEST else np.zeros(len(t_s), dtype=bool)
+
+
+def is_held(piece: Stretch, actuators: Sequence[str], t_s: Array) -> Mask:
+    """Which of the instants `t_s` (N,) find one of `actuators` at rest or turning, where forces are set."""
+    out = np.zeros(len(t_s), dtype=bool)
+    for a in actuators:
+        t, x = piece.samples.get(f"{a}.position", (np.empty(0), np.empty(0)))
+        if piece.mode != "force" or len(t) < 2:
+            continue
+        window = 2 * round(TURN_S / float(np.median(np.diff(t)))) + 1
+        moved = maximum_filter1d(x, window) - minimum_filter1d(x, window)
+        out |= moved[np.clip(np.searchsorted(t, t_s), 0, len(t) - 1)] < LOOSE
     return out if np.count_nonzero(~out) >= FEWEST else np.zeros(len(t_s), dtype=bool)
