@@ -10,7 +10,7 @@ import pytest
 from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.gap.floor.draws import UNKNOWN, draws
-from hil.gap.record.led import replay_led
+from hil.gap.record.led import lacking, replay_led
 from hil.gap.record.problem import Problem
 from hil.gap.record.sides import sided
 from hil.gap.record.standstill import is_held
@@ -62,6 +62,17 @@ def test_the_floor_feels_half_a_force_sensors_noise_as_an_unknown_force() -> Non
     (x,) = (x for x in problem.series if x.signal == "axis.position")
     stretched_m = UNKNOWN * AXIS.noise.force / (AXIS.actuators[0].effective_mass * LEAD_W**2)
     assert 0.3 < np.std(late[:, x.part]) / stretched_m < 1.0  # the spring follows slow forces whole
+
+
+def test_what_a_led_twin_lacks_is_what_stretches_its_spring() -> None:
+    t = np.arange(0.0, 3.0, 0.02)
+    w, turn = lead_w(t), 2.0 * np.pi * 0.7
+    pushed_by = np.cos(turn * t)
+    answer = 1.0 / (
+        w**2 - turn**2 + 2j * w * turn
+    )  # of a spring and damper that are critically damped
+    error = (answer * np.exp(1j * turn * t)).real
+    assert lacking(t, error)[2:-2] == pytest.approx(pushed_by[2:-2], abs=0.02)
 
 
 def test_positions_that_are_far_apart_lead_more_slowly() -> None:

@@ -1,4 +1,7 @@
-"""Periods over the travel at which a residual repeats itself: where fits of ripple and lead errors start."""
+"""Periods over the travel at which a residual repeats itself: where fits of ripple and lead errors start.
+
+Forces tell of them; where forces are set, what a twin that is led by positions lacks of acceleration.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.gap.record.led import lacking
 from hil.gap.record.problem import Problem
 
 Array = NDArray[np.float64]
@@ -33,7 +37,9 @@ def lead_periods(problem: Problem, residual: Array, actuator: str) -> list[float
 def _periods(problem: Problem, residual: Array, actuator: str, *, by_speed: bool) -> list[float]:
     xs, ys, ws = [], [], []
     for s in problem.series:
-        if s.actuator != actuator or s.quantity not in ("force", "current"):
+        is_led = problem.pieces[s.stretch].mode == "force"
+        told = ("position",) if is_led else ("force", "current")
+        if s.actuator != actuator or s.quantity not in told:
             continue
         place = next(
             (p for p in problem.series
@@ -43,7 +49,10 @@ def _periods(problem: Problem, residual: Array, actuator: str, *, by_speed: bool
             continue
         t, u = problem.t_s[s.part][kept], problem.t_s[place.part]
         measured = problem.measured[place.part]
-        y = residual[s.part][kept]
+        y = residual[s.part]
+        if is_led:
+            y = lacking(problem.t_s[s.part], y)
+        y = y[kept]
         xs.append(np.interp(t, u, measured))
         ws.append(np.interp(t, u, np.gradient(measured, u)) ** 2)
         ys.append((y - y.mean()) / max(float(np.std(y)), 1e-12))

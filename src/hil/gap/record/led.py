@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.identify.replay import Series, Stretch
-from hil.sim.twin import Replay, Twin
+from hil.sim.twin import Replay, Twin, lead_w
 
 Array = NDArray[np.float64]
 
@@ -44,3 +44,11 @@ def replay_led(
     return twin.record(
         piece.setpoints, stamps, mode="force", start=start, lead={**measured, **(lead or {})}
     )
+
+
+def lacking(t_s: Array, error: Array) -> Array:
+    """(N,) acceleration that a led twin lacks whose positions are off by `error` (N,) at `t_s`: what would
+    stretch its spring so."""
+    w = lead_w(t_s)
+    rate = np.gradient(error, t_s)
+    return np.asarray(np.gradient(rate, t_s) + 2.0 * w * rate + w * w * error)
