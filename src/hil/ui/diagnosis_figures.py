@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from hil.gap import Diagnosis
+from hil.gap.record.led import lacking
 from hil.ui.diagnosis_data import Curves
 from hil.ui.page import FONT, PALETTE
 from hil.ui.report_data import Series, thinned
@@ -109,7 +110,7 @@ def state_figure(found: Diagnosis, all_curves: Sequence[Curves]) -> go.Figure | 
     causes = found.effects or found.causes[:1]
     places = [c.location.partition(".")[0] for c in causes if c.effect in SPEAKING]
     rows = [(a, s) for a in dict.fromkeys(places) if a in rig_names
-            for s in [_judged(all_curves, a)] if s is not None]  # fmt: skip
+            for s in [_judged(found, all_curves, a)] if s is not None]  # fmt: skip
     if not rows:
         return None
     figure = make_subplots(
@@ -120,8 +121,8 @@ def state_figure(found: Diagnosis, all_curves: Sequence[Curves]) -> go.Figure | 
         mine = [c for c in all_curves if c.signal == signal]
         states = [_state(found, c, actuator) for c in mine]
         velocity, position = (np.concatenate([s[i] for s in states]) for i in (0, 1))
-        before = np.concatenate([c.measured - c.before for c in mine])
-        after = np.concatenate([c.measured - c.after for c in mine])
+        before = np.concatenate([_left(found, c, c.before) for c in mine])
+        after = np.concatenate([_left(found, c, c.after) for c in mine])
         _cloud(figure, velocity, before, k, 1)
         _median(figure, velocity, before, "before", BEFORE, "solid", k, 1)
         if np.isfinite(after).all():
@@ -139,11 +140,14 @@ def state_figure(found: Diagnosis, all_curves: Sequence[Curves]) -> go.Figure | 
                 _median(
                     figure, position[rows_of], after[rows_of], f"after, {word}", AFTER, dash, k, 2
                 )
-        unit = mine[0].unit
-        figure.update_yaxes(title_text=f"<b>{signal}</b><br>measured − twin, {unit}", row=k, col=1)
+        unit, what = mine[0].unit, f"<b>{signal}</b><br>measured − twin"
+        if _is_led(found):
+            what = f"<b>{actuator}</b><br>acceleration that the twin lacks"
+            unit = f"{unit}/s²"
+        figure.update_yaxes(title_text=f"{what}, {unit}", row=k, col=1)
         span = 1.1 * float(np.quantile(np.abs(before), 0.995))
         figure.update_yaxes(range=[-span, span], row=k)
-        length = "rad" if unit in ("N·m", "rad") else "m"
+        length = "rad" if unit in ("N·m", "rad", "rad/s²") else "m"
         figure.update_xaxes(title_text=f"velocity, {length}/s", row=k, col=1)
         figure.update_xaxes(title_text=f"position, {length}", row=k, col=2)
     seen: set[str] = set()
@@ -158,10 +162,21 @@ def state_figure(found: Diagnosis, all_curves: Sequence[Curves]) -> go.Figure | 
     return figure
 
 
-def _judged(all_curves: Sequence[Curves], actuator: str) -> str | None:
+def _is_led(found: Diagnosis) -> bool:
+    """Whether forces were set, so that none tells what the twin lacks: the motion does."""
+    return bool(getattr(found.located.evidence.problem, "are_forces", False))
+
+
+def _judged(found: Diagnosis, all_curves: Sequence[Curves], actuator: str) -> str | None:
     names = [c.signal for c in all_curves]
-    wanted = (f"{actuator}.{q}" for q in ("force", "current", "position"))
-    return next((s for s in wanted if s in names), None)
+    quantities = ("position",) if _is_led(found) else ("force", "current", "position")
+    return next((s for q in quantities if (s := f"{actuator}.{q}") in names), None)
+
+
+def _left(found: Diagnosis, c: Curves, twin: Array) -> Array:
+    """Measured less `twin` (N,); of a led twin the acceleration that it lacks."""
+    left = c.measured - twin
+    return lacking(c.t, left) if _is_led(found) else np.asarray(left)
 
 
 def _state(found: Diagnosis, c: Curves, actuator: str) -> tuple[Array, Array]:

@@ -60,7 +60,8 @@ def diagnosis_page(found: Diagnosis, out_html: Path) -> Path:
         sections.append(
             ("Measured minus twin over velocity and position", "Points: before. Lines: medians, over "
              "position by direction of travel, so that a loop between forth and back is hysteresis. A step "
-             "at zero velocity is Coulomb friction, a slope viscous friction, a wave over position ripple.",
+             "at zero velocity is Coulomb friction, a slope viscous friction, a wave over position ripple. "
+             "Where forces were set: the acceleration that the twin lacks.",
              state)
         )  # fmt: skip
     sections.append(("What these data cannot tell", "", _limits(found)))

@@ -22,7 +22,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import lfilter
 
 from hil.gap.floor.differences import SPIKE, USUAL, by_repeats
-from hil.gap.floor.draws import draws, longest_wait_s, sensor_sigma
+from hil.gap.floor.draws import UNKNOWN, draws, longest_wait_s, sensor_sigma
 from hil.gap.floor.loudness import Level, as_loud
 from hil.gap.record.problem import Problem
 from hil.gap.record.repeats import Repeats
@@ -222,6 +222,11 @@ def find_noise(
         f"noise model: the rig file's sensor noise and rounding, answers' jitter, setpoints that act {ticks} "
         f"after waits of up to {wait_us:.0f} µs; {count} records drawn from the twin itself"
     )
+    if problem.are_forces:
+        text += (
+            f", that is led by the measured positions, as the twin is, and feels a slow force of "
+            f"{UNKNOWN * problem.rig.noise.force:g} N (or N·m) that no twin knows"
+        )
     levels: dict[str, Level] = {}
     if residual is not None:
         drawn, levels = as_loud(problem, late, sensed, residual, healthy or {})
