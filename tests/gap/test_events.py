@@ -45,6 +45,20 @@ def test_a_start_that_sticks_is_a_gap(frame):
     assert times > 1.0
 
 
+def test_a_load_that_sags_onto_its_drive_is_no_event_and_not_judged(frame):
+    drive = AXIS.actuators[0]
+    fades_s = drive.speed_gain / drive.integral_gain
+    whole = locate(frame, AXIS)
+    frame["axis.position"] -= 5e-4 * np.exp(-frame["t"] / fades_s)
+    sagged = locate(frame, AXIS)
+    assert jumps(sagged)[1] < 0.6
+    begun = [float(x.evidence.problem.t_s[x.evidence.problem.kept].min()) for x in (whole, sagged)]
+    assert begun[1] == pytest.approx(max(begun[0], 5.0 * fades_s), abs=0.1)
+    assert [x.ratio for x in sagged.signals] == pytest.approx(
+        [x.ratio for x in whole.signals], abs=0.1
+    )
+
+
 def test_position_and_force_struck_at_once_are_a_gap_and_one_after_the_other_none(frame):
     at = {"axis.position": 30.0 * AXIS.noise.position, "axis.force": 300.0 * AXIS.noise.force}
     late = frame.copy()

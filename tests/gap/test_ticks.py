@@ -1,8 +1,13 @@
 """Setpoints act at the ticks of their drive's own clock."""
 
 import numpy as np
+import pytest
 
+from hil.gap.record.arrivals import find_clocks
+from hil.gap.record.problem import FRAME_BITS, Problem
 from hil.gap.record.ticks import Ticks, acting
+from hil.identify.replay import Stretch
+from hil.sim import Twin
 from tests.gap.twin_runs import AXIS
 
 SENT = np.arange(0.0, 1.0, 0.0101)
@@ -33,3 +38,20 @@ def test_a_clock_that_runs_off_takes_its_ticks_along():
     acts = acts_s(slow)
     beside = (acts - slow.place(SENT)) / TICK
     np.testing.assert_allclose(beside, np.round(beside), atol=2e-3)
+
+
+@pytest.mark.parametrize("frames", [0, 1, 2])
+def test_how_late_a_drives_own_clock_was_started_is_read_from_the_record(frames):
+    rig = AXIS.model_copy(update={"bus": AXIS.bus.model_copy(update={"retimed": True})})
+    sent = np.arange(0.0, 6.0, rig.bus.cycle)
+    told = 0.05 * np.sin(2.0 * np.pi * 0.8 * sent) * np.clip(sent, 0.0, 1.0)
+    late_s = frames * FRAME_BITS / rig.can.bitrate
+    answered = sent + rig.bus.answer_delay + 0.0012
+    stamps = {"axis.position": answered[::2], "axis.force": answered[1::2]}
+    answers = Twin(rig, smooth=True).replay({"axis": (sent + late_s, told)}, stamps)
+    samples = {s: (t, answers[s]) for s, t in stamps.items()}
+    problem = Problem(rig, [Stretch("late", {"axis": (sent, told)}, samples)])
+    clocks = find_clocks(problem)
+    assert clocks[0, "axis"].late_s == pytest.approx(late_s)
+    left = problem.with_clocks(clocks).residual(problem.base)
+    np.testing.assert_allclose(left, 0.0, atol=1e-6)

@@ -6,33 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from hil.config import Effect, RigFile
-from hil.configfile import load_rig, parse_settings, rig_toml
-from hil.control.demo_ride import DemoRide
-from hil.control.streaming import cues
-from hil.daemon.simulated import record_ride
-from hil.drivefiles import load_profiles
+from hil.config import Effect
 from hil.gap import diagnose
-from hil.runs import Run, load_run
 from tests.gap.twin_runs import effect
-
-SECONDS = 15.0
-
-
-def ridden(folder: Path, name: str, mode: str, *hidden: Effect) -> tuple[Run, RigFile]:
-    tables = load_rig(name).model_dump()
-    tables["control"]["mode"] = mode
-    rig = parse_settings(tables, RigFile, name)
-    ride = cues(DemoRide(rig).poses, 0.0, SECONDS, "ride")
-    text = rig_toml(rig, name)
-    made = record_ride(rig, text, load_profiles(rig), ride, folder, hidden=hidden)
-    run = load_run(made)
-    assert run.meta.mode == "force"
-    return run, rig
+from tests.whole.session import ridden
 
 
 def test_a_platform_that_the_daemon_holds_up_is_no_gap(tmp_path: Path) -> None:
     run, rig = ridden(tmp_path, "motorcycle", "computed_torque")
+    assert run.meta.mode == "force"
     found = diagnose(run, rig)
     assert found.verdict == "no_gap", found.sentence
 

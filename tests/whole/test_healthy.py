@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from hil.gap import diagnose
 from tests.gap.twin_runs import AXIS, effect, record
+from tests.whole.session import ridden
 
 
 def test_a_zero_that_is_off_by_half_of_one_answers_noise_is_no_gap() -> None:
@@ -32,3 +35,12 @@ def test_a_spring_beside_the_drive_is_no_ripple() -> None:
     frame["axis.force"] += 1500.0 * place
     found = diagnose(frame, AXIS)
     assert found.verdict == "unknown"
+
+
+@pytest.mark.parametrize("name", ["stewart", "stewart_pd"])
+def test_a_hexapod_that_sags_when_armed_and_whose_bus_is_busy_is_no_gap(
+    tmp_path: Path, name: str
+) -> None:
+    run, rig = ridden(tmp_path, name, "drive")
+    found = diagnose(run, rig)
+    assert found.verdict == "no_gap", found.sentence

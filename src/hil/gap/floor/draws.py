@@ -16,14 +16,12 @@ from scipy.signal import lfilter
 
 from hil.config import RigFile
 from hil.gap.record.led import replay_led
-from hil.gap.record.problem import Problem, Series, run_all
+from hil.gap.record.problem import FRAME_BITS, Problem, Series, run_all
 from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
 
-FRAME_BITS: Final = 125
-"""A frame of eight bytes with the mean number of stuff bits [M]."""
 STAMP_SHARE: Final = 0.02
 """Of a tick of the position loop: no stamp is believed to tell better than that when its value held [R].
 Otherwise an encoder without noise would count a microsecond of timing as gap."""

@@ -40,6 +40,8 @@ used-up exam of seed 117, which have 8.7."""
 STUCK: Final = {"position": (3, 10.0), "force": (3, 40.0), "current": (3, 40.0)}
 """The same of a start, which is not judged else: healthy rigs of two worlds stay below 2.8 and 12.1 (75
 records)."""
+AT_ONCE: Final = 3
+"""This part of a start is what a drive is off by at once."""
 KNOCK: Final = (16.0, 120.0)
 """Spreads of a position and of a force at once: a late answer moves the one, a late setpoint the other.
 Healthy rigs of two worlds stay below six tenths of these (75 records)."""
@@ -129,10 +131,19 @@ def held_off(problem: Problem, residual: Array, sigma: Array) -> dict[str, float
         least = 1 + math.ceil(NEARLY * problem.rig.bus.cycle / every_s)
         most = max(
             _run(np.where(kept, off, 0.0), HELD.get(x.quantity), least),
-            _run(off[:begun], STUCK.get(x.quantity), least),
+            _run(_growing(off[:begun]), STUCK.get(x.quantity), least),
         )
         out[x.signal] = max(out.get(x.signal, 0.0), most)
     return out
+
+
+def _growing(off: Array) -> Array:
+    """What a start (N,) is off by more than it was at once: a load sags onto a drive that has just been
+    switched on, until the integrator carries it, and that fades; an actuator that sticks falls behind."""
+    if not len(off):
+        return off
+    at_once = float(np.max(np.abs(off[: max(len(off) // AT_ONCE, 1)])))
+    return np.asarray(np.sign(off) * np.maximum(np.abs(off) - at_once, 0.0))
 
 
 def _run(off: Array, asked: tuple[int, float] | None, least: int) -> float:

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.record.problem import Problem
+from hil.gap.record.problem import FRAME_BITS, Problem
 from hil.gap.record.ticks import Ticks
 
 Array = NDArray[np.float64]
@@ -47,7 +47,9 @@ KICK: Final = 1.5
 def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
     """The ticks of every drive in every stretch where they can be told; empty where they cannot."""
     bus = problem.rig.bus
-    if bus.retimed or bus.position_loop <= bus.speed_loop or bus.interpolation != "linear":
+    if bus.retimed:
+        return _started(problem)
+    if bus.position_loop <= bus.speed_loop or bus.interpolation != "linear":
         return {}
     tick = bus.position_loop
     pieces = problem.pieces
@@ -67,6 +69,30 @@ def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
             if best is not None:
                 found[k, a] = best
     return _refined(problem, found, vector)
+
+
+def _started(problem: Problem) -> dict[tuple[int, str], Ticks]:
+    """How late each drive's own clock was started: by the wait of the first frame, for those of all drives at
+    most and one. Which setpoint is played when jumps with it, so no slope leads there: all are tried."""
+    rig = problem.rig
+    names = rig.actuator_names
+    frame_s = FRAME_BITS / rig.can.bitrate
+    tried = np.arange(0.0, (len(names) + 1) * frame_s + 1e-9, frame_s)
+    keys = [(k, a) for k, p in enumerate(problem.pieces) if p.mode == "position" for a in names]
+    sizes = {key: np.full(len(tried), np.inf) for key in keys}
+    for d, late_s in enumerate(tried):
+        clocks = {key: Ticks(0.0, 0.0, 0.0, float(late_s)) for key in keys}
+        left = problem.with_clocks(clocks).residual(problem.base)
+        for x in problem.series:
+            if x.quantity == "force" and (x.stretch, x.actuator) in sizes:
+                kept = problem.kept[x.part]
+                size = float(np.median(np.abs(left[x.part][kept]))) if kept.any() else np.inf
+                sizes[x.stretch, x.actuator][d] = size
+    return {
+        key: Ticks(0.0, 0.0, 0.0, float(tried[np.argmin(size)]))
+        for key, size in sizes.items()
+        if np.isfinite(size).all()
+    }
 
 
 def _delayed(problem: Problem) -> Array:

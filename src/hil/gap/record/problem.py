@@ -22,7 +22,7 @@ from hil.errors import IdentificationError
 from hil.gap.record.leaf import Leaf
 from hil.gap.record.led import replay_led
 from hil.gap.record.sides import sided
-from hil.gap.record.standstill import LOOSE, at_rest, is_held
+from hil.gap.record.standstill import LOOSE, at_rest, is_held, sags_s
 from hil.gap.record.ticks import Clocks, at_ticks
 from hil.identify.replay import Stretch
 from hil.sim.parameters import ParameterTable
@@ -42,6 +42,8 @@ AT_LEAST: Final = 3.0
 FEWEST: Final = 20
 """A signal with fewer samples in a stretch is left out of it."""
 MOTION_STEP_S: Final = 0.005
+FRAME_BITS: Final = 125
+"""A frame of eight bytes with the mean number of stuff bits [M]."""
 BIAS: Final = ".sensor_bias.offset"
 LATENCY: Final = ".sensor_latency.delay"
 
@@ -154,6 +156,7 @@ class Problem:
             moved = np.abs(told - told[0]) > LOOSE
             first = float(t[np.argmax(moved)]) if moved.any() else np.inf
             out[a] = start + self.settle_s if piece.mode == "force" else first + self.settle_s
+            out[a] = max(out[a], start + sags_s(self.rig, piece, a))
         begun = [s for s in out.values() if np.isfinite(s)]
         return {**out, "imu": max(begun, default=start + self.settle_s)}
 

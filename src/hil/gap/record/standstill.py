@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from hil.config import RigFile
 from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
@@ -31,6 +32,10 @@ LOOSE: Final = 5e-4
 AHEAD_S: Final = 0.02
 TURN_S: Final = 0.1
 """An actuator that moves by less than LOOSE from so long before to so long after rests or turns round."""
+SAGS: Final = 5.0
+"""Standard deviations of a position, and a fifth of LOOSE, by which one that is to stand still has sagged."""
+FADES: Final = 5
+"""Time constants in which a sag fades; samples that must show it."""
 FEWEST: Final = 50
 """Samples that must be left; a record that hardly moves is judged as it is."""
 
@@ -66,3 +71,22 @@ def is_held(piece: Stretch, actuators: Sequence[str], t_s: Array) -> Mask:
         moved = maximum_filter1d(x, window) - minimum_filter1d(x, window)
         out |= moved[np.clip(np.searchsorted(t, t_s), 0, len(t) - 1)] < LOOSE
     return out if np.count_nonzero(~out) >= FEWEST else np.zeros(len(t_s), dtype=bool)
+
+
+def sags_s(rig: RigFile, piece: Stretch, actuator: str) -> float:
+    """How long from the start of a stretch on an actuator sags under its load; 0 where it does not.
+
+    A drive that is switched on takes the load over from its brake: the position gives way until the
+    integrator carries it, and comes back with the time constant of that, speed gain over integral gain.
+    """
+    drive = next(a for a in rig.actuators if a.name == actuator)
+    t, told = piece.setpoints[actuator]
+    at, x = piece.samples.get(f"{actuator}.position", (np.empty(0), np.empty(0)))
+    if piece.mode != "position" or drive.law != "cascade" or drive.integral_gain <= 0.0:
+        return 0.0
+    moved = np.abs(told - told[0]) > LOOSE
+    still = x[at < (t[np.argmax(moved)] if moved.any() else np.inf)] - told[0]
+    most = SAGS * float(np.hypot(rig.noise.position, rig.noise.position_step))
+    if len(still) < FADES or float(np.median(np.sort(np.abs(still))[-FADES:])) < most + LOOSE / 5.0:
+        return 0.0
+    return FADES * drive.speed_gain / drive.integral_gain

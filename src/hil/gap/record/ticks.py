@@ -37,6 +37,8 @@ def acting(rig: RigFile, t_sent: Array, ticks: Ticks | None) -> Array:
     """Send instants as the smooth twin must be told them, so that each acts at the drive's own tick."""
     if ticks is None:
         return t_sent
+    if rig.bus.retimed:  # the first frame starts the drive's clock, and all act by that
+        return np.asarray(t_sent + ticks.late_s)
     tick, delay = rig.bus.position_loop, rig.bus.setpoint_delay
     there = t_sent + delay + ticks.late_s
     place = ticks.place(there)
