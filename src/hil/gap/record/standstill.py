@@ -32,10 +32,12 @@ LOOSE: Final = 5e-4
 AHEAD_S: Final = 0.02
 TURN_S: Final = 0.1
 """An actuator that moves by less than LOOSE from so long before to so long after rests or turns round."""
-SAGS: Final = 5.0
-"""Standard deviations of a position, and a fifth of LOOSE, by which one that is to stand still has sagged."""
-FADES: Final = 5
-"""Time constants in which a sag fades; samples that must show it."""
+SAG: Final = 1e-4
+SAG_SPREADS: Final = 5.0
+"""m or rad beside standard deviations of a position, by which one that is to stand still has sagged."""
+SAG_SAMPLES: Final = 5
+FADES: Final = 5.0
+"""Time constants in which a sag fades, and samples that must show it."""
 FEWEST: Final = 50
 """Samples that must be left; a record that hardly moves is judged as it is."""
 
@@ -86,7 +88,7 @@ def sags_s(rig: RigFile, piece: Stretch, actuator: str) -> float:
         return 0.0
     moved = np.abs(told - told[0]) > LOOSE
     still = x[at < (t[np.argmax(moved)] if moved.any() else np.inf)] - told[0]
-    most = SAGS * float(np.hypot(rig.noise.position, rig.noise.position_step))
-    if len(still) < FADES or float(np.median(np.sort(np.abs(still))[-FADES:])) < most + LOOSE / 5.0:
+    most = SAG + SAG_SPREADS * float(np.hypot(rig.noise.position, rig.noise.position_step))
+    if len(still) < SAG_SAMPLES or np.median(np.sort(np.abs(still))[-SAG_SAMPLES:]) < most:
         return 0.0
     return FADES * drive.speed_gain / drive.integral_gain
