@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from hil.gap.record.arrivals import find_clocks
-from hil.gap.record.problem import FRAME_BITS, Problem
+from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import Stretch
 from hil.sim import Twin
+from hil.sim.senses import FRAME_BITS
 from tests.gap.twin_runs import AXIS
 
 SENT = np.arange(0.0, 1.0, 0.0101)

@@ -16,9 +16,10 @@ from scipy.signal import lfilter
 
 from hil.config import RigFile
 from hil.gap.record.led import replay_led
-from hil.gap.record.problem import FRAME_BITS, Problem, Series, run_all
+from hil.gap.record.problem import Problem, Series, run_all
 from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import Stretch
+from hil.sim.senses import FRAME_BITS
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.record.problem import FRAME_BITS, Problem
+from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import Ticks
+from hil.sim.senses import FRAME_BITS
 
 Array = NDArray[np.float64]
 

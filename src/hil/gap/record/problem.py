@@ -42,8 +42,6 @@ AT_LEAST: Final = 3.0
 FEWEST: Final = 20
 """A signal with fewer samples in a stretch is left out of it."""
 MOTION_STEP_S: Final = 0.005
-FRAME_BITS: Final = 125
-"""A frame of eight bytes with the mean number of stuff bits [M]."""
 BIAS: Final = ".sensor_bias.offset"
 LATENCY: Final = ".sensor_latency.delay"
 
