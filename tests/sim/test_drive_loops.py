@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.rigs import build_rig
+from hil.sim.drive_loops import limited
 from hil.sim.plant import Plant
 from tests.sim.rigs import changed, effect, frictionless, with_effects
 
@@ -154,8 +155,10 @@ def test_a_drive_never_runs_faster_than_its_speed_limit() -> None:
     assert fastest == pytest.approx(0.375, rel=0.03)  # its speed loop overshoots
 
 
-def test_a_saturated_drive_does_not_wind_up() -> None:
-    rig = with_effects(load_rig("axis"), effect("force_saturation", "axis", limit=200.0))
+@pytest.mark.parametrize("knee", [0.0, 0.1])
+def test_a_saturated_drive_does_not_wind_up(knee: float) -> None:
+    limit = effect("force_saturation", "axis", limit=200.0, knee=knee)
+    rig = with_effects(load_rig("axis"), limit)
     plant = Plant(rig)
     plant.reset((-0.1,), mode="position")
     highest = -1.0
@@ -166,6 +169,19 @@ def test_a_saturated_drive_does_not_wind_up() -> None:
         assert abs(plant.force(0)) <= 200.0 + 1e-9
     assert plant.position(0) == pytest.approx(0.1, abs=1e-4)
     assert highest < 0.15
+
+
+def test_a_soft_limit_bends_over_to_the_hard_one() -> None:
+    asked = np.array([-900.0, -200.0, -20.0, 0.0, 20.0, 150.0, 200.0, 250.0, 900.0, 1e9])
+    hard = np.array([limited(x, 200.0, 0.0) for x in asked])
+    np.testing.assert_array_equal(hard, np.clip(asked, -200.0, 200.0))
+    nearly = np.array([limited(x, 200.0, 1e-4) for x in asked])
+    np.testing.assert_allclose(nearly, hard, rtol=1e-4)
+    soft = np.array([limited(x, 200.0, 0.2) for x in asked])
+    assert soft[6] == pytest.approx(200.0 * 2.0**-0.2)
+    assert np.all(np.diff(soft) > 0.0) or soft[-1] == soft[-2] == 200.0
+    assert np.all(np.abs(soft) <= np.abs(hard))
+    np.testing.assert_allclose(soft[[2, 3, 4]], asked[[2, 3, 4]], rtol=1e-5)
 
 
 def reference_of(rig: RigFile, sent: np.ndarray, value: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -76,6 +76,9 @@ def _viscous(parameter: str) -> Spec:
     )  # fmt: skip
 
 
+KNEE = Spec("knee", "1", 0.0, 0.0, 0.5, 0.1)
+"""How softly what is asked for bends over to a limit; 0: it is cut off there."""
+
 ACTUATOR: Effects = {
     "coulomb_friction": (
         _coulomb("force"),
@@ -109,10 +112,12 @@ ACTUATOR: Effects = {
     ),
     "force_saturation": (
         Spec("limit", "N", lambda a: a.force_max, 0.0, lambda a: a.force_max, _force(0.3)),
+        KNEE,
     ),
     "velocity_saturation": (
         Spec("limit", "m/s", lambda a: a.velocity_max, 0.0, lambda a: a.velocity_max,
              lambda a: 0.3 * a.velocity_max),
+        KNEE,
     ),
     "force_ripple": (
         Spec("amplitude", "N", 0.0, 0.0, _force(0.5), _force(0.01)),

@@ -138,6 +138,18 @@ def _play(header, st, i, t):  # type: ignore[no-untyped-def]
 
 
 @inner
+def limited(value, limit, knee):  # type: ignore[no-untyped-def]
+    """`value` within +-limit: cut off there, or by a `knee` > 0 bent over to it,
+    value / (1 + |value / limit|^(1 / knee))^knee."""
+    if knee <= 0.0 or limit <= 0.0:
+        return min(max(value, -limit), limit)
+    ratio = abs(value) / limit
+    if ratio <= 1.0:
+        return value / (1.0 + ratio ** (1.0 / knee)) ** knee
+    return math.copysign(limit, value) / (1.0 + ratio ** (-1.0 / knee)) ** knee
+
+
+@inner
 def position_loops(header, act, st, t):  # type: ignore[no-untyped-def]
     """One tick of every drive's position loop: takes setpoints, sets speed reference and pre-control."""
     half = 0.5 * header[lay.H_DT] * header[lay.H_POSITION_TICKS]
@@ -160,7 +172,7 @@ def position_loops(header, act, st, t):  # type: ignore[no-untyped-def]
             coulomb = math.copysign(act[lay.A_FF_COULOMB, i], speed)
             ahead += act[lay.A_KFF, i] * (act[lay.A_FF_VISCOUS, i] * speed + coulomb)
         v_ref = act[lay.A_KP, i] * (x_ref - st[lay.S_XD, i]) + act[lay.A_KFV, i] * speed
-        st[lay.S_VREF, i] = min(max(v_ref, -act[lay.A_VMAX, i]), act[lay.A_VMAX, i])
+        st[lay.S_VREF, i] = limited(v_ref, act[lay.A_VMAX, i], act[lay.A_VKNEE, i])
         st[lay.S_FF, i] = ahead
 
 
@@ -169,24 +181,25 @@ def speed_loops(header, act, st, t):  # type: ignore[no-untyped-def]
     """One tick of every drive's speed loop (or "pd" law): sets the force reference."""
     dt = header[lay.H_DT]
     for i in range(st.shape[1]):
-        limit = act[lay.A_FMAX, i]
+        limit, knee = act[lay.A_FMAX, i], act[lay.A_FKNEE, i]
         if st[lay.S_MODE, i] == lay.MODE_OFF:
             st[lay.S_FREF, i] = 0.0
         elif st[lay.S_MODE, i] == lay.MODE_FORCE:
-            st[lay.S_FREF, i] = min(max(st[lay.S_FORCE_SETPOINT, i], -limit), limit)
+            st[lay.S_FREF, i] = limited(st[lay.S_FORCE_SETPOINT, i], limit, knee)
         elif act[lay.A_PD, i] != 0.0:
             _play(header, st, i, t)
             x_ref, speed = reference(st, i, t)
             force = act[lay.A_KP, i] * (x_ref - st[lay.S_XD, i])
             force += act[lay.A_KV, i] * (act[lay.A_KFV, i] * speed - st[lay.S_VD, i])
             force += act[lay.A_STATIC_FF, i] * st[lay.S_STATIC, i] + st[lay.S_FF, i]
-            st[lay.S_FREF, i] = min(max(force, -limit), limit)
+            st[lay.S_FREF, i] = limited(force, limit, knee)
         else:
             error = st[lay.S_VREF, i] - st[lay.S_VD, i]
             force = act[lay.A_KV, i] * error + st[lay.S_INTEGRAL, i] + st[lay.S_FF, i]
-            bounded = min(max(force, -limit), limit)
-            st[lay.S_FREF, i] = bounded
-            if (force - bounded) * error <= 0.0:  # anti-windup: no further into the limit
+            st[lay.S_FREF, i] = limited(force, limit, knee)
+            if (
+                abs(force) <= limit or force * error <= 0.0
+            ):  # anti-windup: no further into the limit
                 st[lay.S_INTEGRAL, i] += act[lay.A_KI, i] * error * dt
 
 

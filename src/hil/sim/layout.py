@@ -44,7 +44,9 @@ P_DAMPING = _a("compliance", "damping")
 P_HARDENING = _a("compliance", "hardening")
 P_INERTIA = _a("actuator_inertia", "mass")
 P_FMAX = _a("force_saturation", "limit")
+P_FKNEE = _a("force_saturation", "knee")
 P_VMAX = _a("velocity_saturation", "limit")
+P_VKNEE = _a("velocity_saturation", "knee")
 P_RIPPLE_A = _a("force_ripple", "amplitude")
 P_RIPPLE_P = _a("force_ripple", "period")
 P_RIPPLE_PHASE = _a("force_ripple", "phase")
@@ -97,13 +99,13 @@ the IMU's answers s, delay of the drives' answers s, whether arrivals act betwee
     A_BRAKE, A_FF_VISCOUS, A_FF_COULOMB, A_STRIBECK_C, A_STRIBECK_D, A_STRIBECK_V, A_LOAD, A_LOAD_ASYM,
     A_GAP, A_HYST_F, A_HYST_X, A_STIFFNESS, A_DAMPING, A_RIPPLE_A, A_RIPPLE_P, A_RIPPLE_PHASE,
     A_FORCE_SCALE, A_DELAY, A_OFFSET, A_LEAD, A_LEAD_A, A_LEAD_P, A_LEAD_PHASE, A_HARDENING,
-    A_VISCOUS_SKEW, A_PRESLIDING,
-) = range(46)  # fmt: skip
-A_ROWS = 46
+    A_VISCOUS_SKEW, A_PRESLIDING, A_FKNEE, A_VKNEE,
+) = range(48)  # fmt: skip
+A_ROWS = 48
 """Rows of the actuators' constants, SI at the output; A_STRIBECK_D is static minus Coulomb friction,
 A_HARDENING how much a transmission stiffens with the square of its wind-up, 1/m²; A_VISCOUS_SKEW what viscous
 friction is more in the positive direction than its mean, A_PRESLIDING the way within which friction builds
-up, m."""
+up, m; A_FKNEE, A_VKNEE how softly force and speed reference bend over to their limits."""
 
 BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
 """Lengths; IMU: position (3), rotation sensor → platform (9), bandwidth Hz."""

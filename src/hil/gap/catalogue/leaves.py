@@ -135,10 +135,13 @@ def _actuator(
         if not reached or max(reached) > REACHED * most:
             continue
         starts: list[tuple[Changes, ...]] = [
-            ({}, {"limit": s * r}) for r in reached for s in SATURATED if 0.0 < s * r < top
+            ({"knee": 0.0}, {"limit": s * r})
+            for r in reached
+            for s in SATURATED
+            if 0.0 < s * r < top
         ]
         if starts:
-            out.append(leaf(limit, "limit", starts))
+            out.append(leaf(limit, "limit knee", starts))
     periods = force_periods(problem, residual, name)
     if periods:
         out.append(

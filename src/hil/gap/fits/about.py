@@ -20,8 +20,8 @@ RUGGED: Final = (".gap", ".delay", ".rate")
 ABOUT: Final = (0.6, 0.75, 0.87, 1.15, 1.3, 1.5)
 """Times the start, from the parameter's neutral value."""
 LIMIT: Final = ".limit"
-CLOSER: Final = (0.97, 0.98, 0.99, 1.01)
-"""Times the start of a limit."""
+CLOSER: Final = ((0.97, 0.0), (0.98, 0.0), (0.99, 0.0), (1.01, 0.0), (1.0, 0.1), (1.0, 0.25))
+"""Times the start of a limit, and knees."""
 SPRING: Final = ".compliance.stiffness"
 STIFFER: Final = (0.4, 0.55, 0.75, 1.0, 1.35, 1.8, 2.5)
 LOOSER: Final = (0.4, 1.0, 2.5)
@@ -50,11 +50,17 @@ def about(table: ParameterTable, start: Mapping[str, float], vector: Array) -> A
         rows[:, hard] = some[:, 2]
         return rows
     limit = next((n for n in start if n.endswith(LIMIT)), None)
-    name = limit or next(iter(start), "")
-    if limit is None and (len(start) != 1 or not name.endswith(RUGGED)):
+    if limit is not None:
+        i, knee = table.index(limit), table.index(limit.replace("limit", "knee"))
+        both = np.array(CLOSER)
+        rows = np.tile(vector, (len(both), 1))
+        rows[:, i] = np.clip(vector[i] * both[:, 0], table[limit].lower, table[limit].upper)
+        rows[:, knee] = both[:, 1]
+        return rows
+    name = next(iter(start), "")
+    if len(start) != 1 or not name.endswith(RUGGED):
         return np.empty((0, len(vector)))
-    i, p = table.index(name), table[name]
-    origin, times = (p.neutral, np.array(ABOUT)) if limit is None else (0.0, np.array(CLOSER))
+    i, p, times = table.index(name), table[name], np.array(ABOUT)
     rows = np.tile(vector, (len(times), 1))
-    rows[:, i] = np.clip(origin * (1.0 - times) + vector[i] * times, p.lower, p.upper)
+    rows[:, i] = np.clip(p.neutral * (1.0 - times) + vector[i] * times, p.lower, p.upper)
     return rows

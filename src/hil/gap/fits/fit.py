@@ -113,10 +113,7 @@ def fit(
     full_z = np.array(c.z)
     full_z[held] = z
     full_z[own] = 0.0
-    bound = tuple(
-        n for n, s, e in zip(names, x, ends, strict=True)
-        if min(abs(s - e[0]), abs(e[1] - s)) < 1e-6 * max(abs(s), 1e-9)
-    )  # fmt: skip
+    bound = tuple(p.name for p, s in zip(entries, x, strict=True) if _is_stuck(p, s))
     values = np.array([vector[i] for i in index])
     return Fit(
         tuple(leaves), tuple(names), values, np.sqrt(np.maximum(np.diag(covariance), 0.0)),
@@ -212,6 +209,12 @@ def _ends(p: Parameter) -> list[float]:
     """Bounds in the search coordinate."""
     lower = max(p.lower, NARROWEST.get(p.parameter, -np.inf))
     return sorted((p.to_search(lower), p.to_search(p.upper)))
+
+
+def _is_stuck(p: Parameter, x: float) -> bool:
+    """Whether a parameter wants more than its bounds allow; one that wants to vanish has what it wants."""
+    near = 1e-6 * max(abs(x), 1e-9)
+    return any(abs(x - end) < near and end != p.to_search(p.neutral) for end in _ends(p))
 
 
 def _units(held: Sequence[int], scale: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.catalogue.bank import Bank
-from hil.gap.catalogue.nature import EVENTS
+from hil.gap.catalogue.nature import EVENTS, MOMENTS
 from hil.gap.catalogue.nuisances import CRYSTALS, WOBBLE_M
 from hil.gap.fits.evidence import weigh
 from hil.gap.fits.fitted import Calibrated, Fit
@@ -131,6 +131,7 @@ def answer(
     is_plain = all(leaf.effect in (LOST, ROUNDED) for leaf in first.leaves)
     is_seen = varies is not None and part.before > RATIO
     is_told = is_large or is_seen or is_plain or _is_once(c, first, gain)
+    is_told = is_told or _is_the_blow(located, first, unknown)
     is_chance = _is_unseen(first, part, unknown) or (
         _is_faint(part) and not is_hidden(c, none, first)
     )
@@ -184,6 +185,13 @@ def _is_usual(f: Fit) -> bool:
 def _is_once(c: Calibrated, f: Fit, gain: float) -> bool:
     """Whether what a fit of `gain` nats says acts now and then, beyond doubt: unseen data may lack it."""
     return gain > asked(c).certain and all(leaf.effect in EVENTS for leaf in f.leaves)
+
+
+def _is_the_blow(located: Located, f: Fit, unknown: float) -> bool:
+    """Whether what stands for moments further off than noise ever puts it, and so is a gap in any case, is
+    explained by what acts in moments."""
+    acts = all(leaf.effect in MOMENTS for leaf in f.leaves)
+    return acts and unknown <= UNTOLD and jumps(located)[1] > 1.0
 
 
 def _is_faint(unseen: Score) -> bool:

@@ -102,14 +102,14 @@ def _limited(c: Calibrated, head: Fit, leaves: Sequence[Leaf], say: Report) -> l
     for leaf in leaves:
         if leaf.effect not in LIMITS or not may_join(leaf, head.leaves):
             continue
-        (name,) = leaf.parameters
-        values = [s.columns[0][name] for s in leaf.starts]
+        limit, knee = leaf.parameters
+        values = [s.columns[0][limit] for s in leaf.starts]
         rows = np.tile(head.vector, (len(values), 1))
-        rows[:, c.problem.table.index(name)] = values
+        rows[:, c.problem.table.index(limit)] = values
         costs = [replay_cost(c, a, spread) for a in c.problem.answers(rows)]
         best = int(np.argmin(costs))
         if costs[best] < least:
-            least, found = costs[best], (leaf, {name: values[best]})
+            least, found = costs[best], (leaf, {limit: values[best], knee: 0.0})
     if found is None:
         return []
     leaf, start = found

@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 SWINGS_HZ: Final = tuple(3.0 * 1.2**k for k in range(15))
 HARDER: Final = (0.0, 0.1, 0.3, 0.8)
 """How much a spring may stiffen: the more it is wound up, the faster it swings."""
-CLOSER: Final = (0.96, 0.98, 1.0)
-"""Times the starts of a limit; a fit looks about the best of them (`hil.gap.fits.about`)."""
+CLOSER: Final = ((0.96, 0.0), (0.98, 0.0), (1.0, 0.0), (1.0, 0.1), (1.0, 0.25))
+"""Times the starts of a limit, and knees; a fit looks about the best of them (`hil.gap.fits.about`)."""
 STANDS: Final = 2.0
 """Floors on a signal of an actuator, or of the IMU, from which on it is asked whether it swings."""
 KNOCKS: Final = 1.2
@@ -93,7 +93,7 @@ def least_left(c: Calibrated, none: Fit, leaf: Leaf) -> dict[str, float]:
         some = [tuple(s.columns[0].values()) for s in leaf.starts]
     elif leaf.effect in LIMITS:
         starts = [value for s in leaf.starts for value in s.columns[0].values()]
-        some = [(value * near,) for value in starts for near in CLOSER]
+        some = [(value * near, knee) for value in starts for near, knee in CLOSER]
     else:
         a = next(x for x in problem.rig.actuators if x.name == leaf.location)
         some = [(*spring(a, f), h) for f in SWINGS_HZ for h in HARDER]
