@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from hil.gap import diagnose
 from hil.gap.located.events import jumps
 from hil.gap.located.locate import locate
+from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
 
 
@@ -65,6 +67,22 @@ def test_position_and_force_struck_at_once_are_a_gap_and_one_after_the_other_non
     for signal, size in at.items():
         frame.loc[rows(frame, signal, 7.0, 1), signal] += size
         late.loc[rows(frame, signal, 7.0 if signal == "axis.force" else 9.0, 1), signal] += size
+    assert jumps(locate(frame, AXIS))[1] > 1.0
+    assert jumps(locate(late, AXIS))[1] < 1.0
+
+
+def test_position_and_accelerometer_struck_at_once_are_a_gap_and_one_after_the_other_none(frame):
+    sent = frame[["t", "axis.setpoint"]].dropna().to_numpy().T
+    t = np.arange(0.3e-3, 14.0, 1.0 / AXIS.imu.rate)
+    felt = Twin(AXIS).replay({"axis": (sent[0], sent[1])}, {"imu.accel_x": t})["imu.accel_x"]
+    felt = felt + AXIS.noise.accel * np.random.default_rng(5).standard_normal(len(t))
+    frame = pd.concat([frame, pd.DataFrame({"t": t, "imu.accel_x": felt})])
+    frame = frame.sort_values("t", kind="stable", ignore_index=True)
+    at = {"axis.position": 30.0 * AXIS.noise.position, "imu.accel_x": 225.0 * AXIS.noise.accel}
+    late = frame.copy()
+    for signal, size in at.items():
+        frame.loc[rows(frame, signal, 7.0, 1), signal] += size
+        late.loc[rows(frame, signal, 7.0 if signal == "imu.accel_x" else 9.0, 1), signal] += size
     assert jumps(locate(frame, AXIS))[1] > 1.0
     assert jumps(locate(late, AXIS))[1] < 1.0
 

@@ -42,9 +42,10 @@ STUCK: Final = {"position": (3, 10.0), "force": (3, 40.0), "current": (3, 40.0)}
 records)."""
 AT_ONCE: Final = 3
 """This part of a start is what a drive is off by at once."""
-KNOCK: Final = (16.0, 120.0)
-"""Spreads of a position and of a force at once: a late answer moves the one, a late setpoint the other.
-Healthy rigs of two worlds stay below six tenths of these (75 records)."""
+KNOCK: Final = 16.0
+BESIDE: Final = {"force": 120.0, "current": 120.0, "accel": 200.0}
+"""Spreads of a position, and of its force or an accelerometer at once: a late answer moves the one, a late
+setpoint the others. Healthy rigs of two worlds stay below six tenths of these (95 records)."""
 NEARLY: Final = 2.5
 """Cycles of the bus that are at once: what a late frame does is over after them."""
 MOST: Final = 40
@@ -159,7 +160,8 @@ def _run(off: Array, asked: tuple[int, float] | None, least: int) -> float:
 
 
 def _knocks(located: Located) -> dict[str, float]:
-    """By position's signal, the largest sample that a force's goes with, in what is a gap alone."""
+    """By position's signal, the largest sample that a force's or an accelerometer's goes with, in what is a
+    gap alone."""
     e = located.evidence
     size = np.abs(e.residual / e.noise.sigma) * e.problem.kept
     out: dict[str, float] = {}
@@ -169,15 +171,16 @@ def _knocks(located: Located) -> dict[str, float]:
         near_s = NEARLY * e.problem.rig.bus.cycle
         t = e.problem.t_s[x.part]
         for y in e.problem.series:
-            if (y.stretch, y.actuator) != (x.stretch, x.actuator) or y.quantity not in (
-                "force",
-                "current",
+            if (
+                y.quantity not in BESIDE
+                or y.stretch != x.stretch
+                or y.actuator not in (x.actuator, "imu")
             ):
                 continue
             for k in np.argsort(-size[x.part])[:MOST]:
                 beside = np.abs(e.problem.t_s[y.part] - t[k]) < near_s
-                force = float(np.max(size[y.part][beside], initial=0.0))
-                both = min(float(size[x.part][k]) / KNOCK[0], force / KNOCK[1])
+                struck = float(np.max(size[y.part][beside], initial=0.0))
+                both = min(float(size[x.part][k]) / KNOCK, struck / BESIDE[y.quantity])
                 out[x.signal] = max(out.get(x.signal, 0.0), both)
     return out
 
