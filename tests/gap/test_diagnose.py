@@ -16,8 +16,10 @@ from hil.errors import IdentificationError, RunError
 from hil.gap import diagnose, locate
 from hil.gap.catalogue.leaves import find_leaves
 from hil.gap.catalogue.nuisances import DELAY_S
+from hil.gap.fits.training import candidates_of
 from hil.gap.floor.rounding import step_of
 from hil.gap.judged.causes import _parameters
+from hil.gap.judged.verdict import not_excited
 from hil.gap.record.leaf import Leaf
 from hil.rigs import Manipulator
 from hil.sim import Twin
@@ -109,6 +111,42 @@ def test_wrong_units_are_refused_and_the_signal_is_named(healthy):
     frame = healthy.assign(**{"axis.position": 1000.0 * healthy["axis.position"]})
     with pytest.raises(RunError, match=r"axis\.position.*millimetres"):
         locate(frame, AXIS)
+
+
+@pytest.mark.parametrize(("factor", "asked"), [(1e-3, "kN"), (1e3, "milli")])
+def test_a_force_in_another_unit_is_refused_whatever_gap_it_has(factor: float, asked: str):
+    worn = record(effect("coulomb_friction", force=3.0 * FRICTION_N))
+    worn["axis.force"] *= factor
+    with pytest.raises(IdentificationError, match=rf"axis\.force.*{asked}"):
+        locate(worn, AXIS)
+
+
+def test_one_record_given_twice_is_refused(healthy):
+    with pytest.raises(IdentificationError, match=r"frame 1 and frame 2.*given twice"):
+        locate([healthy, healthy.assign(t=healthy["t"] + 100.0)], AXIS)
+
+
+def test_what_the_references_have_already_is_no_change():
+    worn = effect("coulomb_friction", force=FRICTION_N)
+    found = diagnose(record(worn, seed=2), AXIS, references=[record(worn)])
+    assert found.verdict == "no_gap"
+    (told,) = (f.text for f in found.located.findings if f.subject == "references")
+    assert "coulomb friction" in told
+    worse = effect("coulomb_friction", force=2.0 * FRICTION_N)
+    found = diagnose(record(worse, seed=2), AXIS, references=[record(worn)])
+    (cause,) = found.effects
+    assert cause.effect == "coulomb_friction"
+    assert cause.parameters["force"].value == pytest.approx(2.0 * FRICTION_N, rel=0.1)
+
+
+def test_what_is_named_was_excited(friction):
+    named = {f"{x.location}.{x.effect}" for x in friction.effects}
+    assert not named & set(friction.not_excited)
+    c, first = friction.calibrated, friction.best
+    bank = candidates_of(c, friction.none, ())
+    silent = replace(bank, columns=0.0 * bank.columns)
+    assert set(not_excited(c, silent)) - set(not_excited(c, silent, first)) == named
+    assert len(not_excited(c, silent)) == len(bank.leaves)
 
 
 def test_a_rig_that_never_moved_is_refused():

@@ -25,6 +25,7 @@ from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.rounding import coarse_steps
 from hil.gap.judged.calmer import calmed
 from hil.gap.judged.diagnosis import Diagnosis
+from hil.gap.judged.older import as_it_was
 from hil.gap.judged.verdict import answer, stands
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
@@ -93,13 +94,22 @@ def consider(
     say = report or (lambda _: None)
     loaded = as_runs(runs, rig)
     healthy = as_runs(references, rig)
-    found, nuisances = None, None
+    found, nuisances, older = None, None, None
     if healthy:
         say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
+        if found.is_gap:
+            say("the references differ from the twin themselves: what explains that comes first")
+            was = diagnose(healthy, rig, without=without, seed=seed, report=report)
+            if was.verdict != "no_gap":
+                effects, older = as_it_was(rig.effects, was)
+                rig = rig.model_copy(update={"effects": effects})
+                found = locate(healthy, rig, seed=seed)
         nuisances = as_found(found, _nuisances(found.evidence.problem))
     say("locating the gap")
     located = locate(loaded, rig, nuisances=nuisances, healthy=found, seed=seed)
+    if older is not None:
+        located = replace(located, findings=(*located.findings, older))
     e = located.evidence
     whole = e.problem
     parts = split(whole, e.noise, e.residual)

@@ -27,8 +27,10 @@ from hil.gap.fits.rounded import rounded
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.noise import NoiseModel
 from hil.gap.judged.diagnosis import Cause, Diagnosis
+from hil.gap.judged.older import as_it_was
 from hil.gap.judged.verdict import answer, judge, no_gap, stands
 from hil.gap.located.result import Located
+from hil.gap.located.sanity import Finding
 from hil.gap.record.problem import Mask
 from hil.gap.search.linear import Search
 from hil.runs import Run
@@ -61,12 +63,22 @@ def diagnose_rides(
     say = report or (lambda _: None)
     loaded, healthy = list(runs), list(references)
     nuisances: list[Nuisance] | None = None
+    older: Finding | None = None
     if healthy:
         say("calibrating on the healthy references")
         known = locate_rides(healthy, rig, seed=seed)
+        if known.is_gap:
+            say("the references differ from the model themselves: what explains that comes first")
+            was = diagnose_rides(healthy, rig, without=without, seed=seed, report=report)
+            if was.verdict != "no_gap":
+                effects, older = as_it_was(rig.effects, was)
+                rig = rig.model_copy(update={"effects": effects})
+                known = locate_rides(healthy, rig, seed=seed)
         nuisances = as_found(known, ride_nuisances(rig, known.evidence.problem))
     say("locating the gap")
     located = locate_rides(loaded, rig, nuisances=nuisances, seed=seed)
+    if older is not None:
+        located = replace(located, findings=(*located.findings, older))
     chosen = nuisances or list(ride_nuisances(rig, located.evidence.problem))
     steps = {} if ROUNDED in without else coarse_steps_of_rides(loaded, rig)
     found = _explained(located, chosen, steps, without, seed, say)

@@ -26,6 +26,8 @@ USUAL: Final = 0.8
 UNSTEADY: Final = 3.0
 """Times the model that noise may have by repeats and by the record's level at most: on healthy rigs of two
 worlds that is below 2 for forces and 3.1 for accelerometers; what else does not repeat is gap."""
+QUIETEST: Final = 0.02
+"""Times the model that noise is at least: a simulation without noise repeats itself to the last digit."""
 ALIKE: Final = 3.0
 """Spreads of noise by which two repeats may be predicted to differ."""
 RARE: Final = 1.8
@@ -73,7 +75,7 @@ def by_repeats(
         modelled = np.hstack([drawn[:, first] - drawn[:, second] for first, second in pairs])
         both = np.concatenate([np.hypot(sigma[first], sigma[second]) for first, second in pairs])
         most = UNSTEADY / max(by_level.get(signal, 1.0), 1.0)
-        factors[signal] = min(times_louder(measured, modelled, both), most)
+        factors[signal] = min(max(times_louder(measured, modelled, both), QUIETEST), most)
         for x in problem.series:
             if x.signal == signal:
                 out[:, x.part] *= factors[signal]

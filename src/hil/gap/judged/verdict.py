@@ -145,7 +145,7 @@ def answer(
     verdict, sentence = judge(chosen, causes, unknown, part.shrink, varies)
     return Diagnosis(
         located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
-        part, whole, held_out, not_excited(c, bank), first, none, c,
+        part, whole, held_out, not_excited(c, bank, first), first, none, c,
     )  # fmt: skip
 
 
@@ -250,8 +250,10 @@ def judge(
     )
 
 
-def not_excited(c: Calibrated, bank: Bank) -> tuple[str, ...]:
-    """Candidates that at a usual size would change no signal visibly on these data."""
+def not_excited(c: Calibrated, bank: Bank, named: Fit | None = None) -> tuple[str, ...]:
+    """Candidates that at a usual size would change no signal visibly on these data; none of those `named`,
+    which have another size."""
+    own = set() if named is None else {leaf.name for leaf in named.leaves}
     floors = c.noise.weighted_rms(c.problem, c.noise.draws)
     weight = 1.0 / c.noise.sigma**2 * c.problem.kept
     size = np.zeros(bank.columns.shape[1])
@@ -263,5 +265,6 @@ def not_excited(c: Calibrated, bank: Bank) -> tuple[str, ...]:
     return tuple(
         leaf.name
         for leaf, starts in zip(bank.leaves, bank.places, strict=True)
-        if max((size[k] for start in starts for k in start), default=0.0) < VISIBLE
+        if leaf.name not in own
+        and max((size[k] for start in starts for k in start), default=0.0) < VISIBLE
     )

@@ -32,12 +32,14 @@ FLAT_SHARE: Final = 0.01
 ALIKE: Final = 0.9
 """Correlation with the twin from which a factor between the two can be trusted."""
 FACTORS: Final = (
-    (1000.0, "is it in milli-units (mm) instead of SI?"),
-    (57.29578, "is it in degrees instead of radians?"),
-    (1.0 / 9.81, "is it in g instead of m/s²?"),
-    (1.0 / 1000.0, "is it in kilo-units (km, kN) instead of SI?"),
-    (1.0 / 57.29578, "was it converted to radians twice?"),
+    (1000.0, 0.7, "is it in milli-units (mm) instead of SI?"),
+    (57.29578, 0.25, "is it in degrees instead of radians?"),
+    (1.0 / 9.81, 0.15, "is it in g instead of m/s²?"),
+    (1.0 / 1000.0, 0.7, "is it in kilo-units (km, kN) instead of SI?"),
+    (1.0 / 57.29578, 0.25, "was it converted to radians twice?"),
 )
+"""With the logarithm by which a gap of its own may put a signal off besides: the farther a factor is from any
+that a rig may have, the more."""
 LATE_S: Final = 0.005
 LIKE_LATE: Final = 0.7
 """Share of a residual that must be lateness before it is called so: friction comes late a little too."""
@@ -255,8 +257,8 @@ def _factor(problem: Problem, x: Series, m: Array, p: Array) -> Finding | None:
             f"moves against the twin (correlation {alike:.2f}): is its sign that of the rig file?",
         )  # fmt: skip
     if alike > ALIKE:
-        for factor, question in FACTORS:
-            if abs(np.log(gain / factor)) < 0.15:
+        for factor, most, question in FACTORS:
+            if abs(np.log(gain / factor)) < most:
                 text = f"is {gain:.4g} times what the twin says: {question}"
                 return Finding("error", x.signal, text)
     return None

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.errors import IdentificationError
 from hil.gap.record.problem import Problem
 from hil.identify.replay import Stretch
 
@@ -20,6 +21,8 @@ SAME: Final = 0.02
 GRID_S: Final = 0.01
 SHORTEST_S: Final = 0.5
 """Of a period."""
+SOME: Final = 50
+"""Samples from which on equal answers are no chance."""
 LEAST_MOTION: Final = 1e-4
 """m or rad of spread below which nothing was played."""
 
@@ -53,8 +56,21 @@ def find_repeats(problem: Problem) -> list[Repeats]:
             shift_s = grids[b][0] - grids[a][0] + lag * GRID_S
             span = problem.pieces[a].span_s
             text = f"{problem.pieces[b].name} repeats {problem.pieces[a].name}"
-            found.append(Repeats(text, _pairs(problem, a, b, span, shift_s)))
+            pairs = _pairs(problem, a, b, span, shift_s)
+            if _is_copy(problem, pairs):
+                raise IdentificationError(
+                    f"{problem.pieces[a].name} and {problem.pieces[b].name} hold the very same answers: "
+                    "noise never repeats itself, so this is one record given twice"
+                )
+            found.append(Repeats(text, pairs))
     return [r for r in found if r.pairs]
+
+
+def _is_copy(problem: Problem, pairs: Mapping[str, tuple[Index, Index]]) -> bool:
+    """Whether all answers of two repeats are the same, though they change."""
+    both = [(problem.measured[a], problem.measured[b]) for a, b in pairs.values()]
+    moves = any(len(a) > SOME and float(np.ptp(a)) > 0.0 for a, _ in both)
+    return moves and all(np.array_equal(a, b) for a, b in both)
 
 
 def _grid(piece: Stretch) -> tuple[float, Array]:
