@@ -195,6 +195,7 @@ def test_parameters_are_found_by_name_and_kept_within_bounds() -> None:
     assert table["leg1.backlash.gap"].unit == "m"
     assert table["slide.velocity_saturation.limit"].neutral == 0.94
     assert table["leg2.base.geometry_error.z"].neutral == 0.0
+    assert 0.0 > table["platform.payload_mass.mass"].lower > -load_rig("motorcycle").mass.m
     with pytest.raises(ConfigError, match=r"nearest: leg1\.backlash\.gap"):
         table.index("leg1.backlash.gapp")
     with pytest.raises(ConfigError, match=r"leg1\.backlash\.gap = -1 m lies outside 0\.\.0\.02"):

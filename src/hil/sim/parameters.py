@@ -9,7 +9,8 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,8 @@ from hil.sim.catalogue import (
 )
 
 Array = NDArray[np.float64]
+REMOVABLE: Final = 0.9
+"""Of a platform's mass."""
 ROTARY_UNIT = {
     "m": "rad", "m/s": "rad/s", "N": "N·m", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "kg": "kg·m²",
 }  # fmt: skip
@@ -140,7 +143,7 @@ def _entries(rig: RigFile) -> Iterable[Parameter]:
         for quantity in QUANTITIES:
             effects = sensor_effects(QUANTITY_UNIT[quantity], QUANTITY_SCALE[quantity])
             yield from _block(f"{a.name}.{quantity}", effects, a, units)
-    yield from _block("platform", PLATFORM)
+    yield from _block("platform", _platform(rig))
     for channel in IMU_CHANNELS:
         unit, scale = ("rad/s", 0.01) if channel.startswith("gyro") else ("m/s²", 0.05)
         yield from _block(f"imu.{channel}", sensor_effects(unit, scale))
@@ -152,6 +155,12 @@ def _entries(rig: RigFile) -> Iterable[Parameter]:
         for a in rig.actuators:
             for end in ("base", "platform"):
                 yield from _block(f"{a.name}.{end}", GEOMETRY)
+
+
+def _platform(rig: RigFile) -> Effects:
+    """Effects of a platform from which nobody can take more than it weighs."""
+    (mass,) = PLATFORM["payload_mass"]
+    return PLATFORM | {"payload_mass": (replace(mass, lower=-REMOVABLE * rig.mass.m),)}
 
 
 def _of_bicycle() -> Iterable[Parameter]:
