@@ -17,6 +17,7 @@ from hil.cli.plan_options import options_of, values_of
 from hil.client import RigClient
 from hil.config import Effect, RigFile
 from hil.configfile import load_rig, parse_settings
+from hil.effectlines import checked
 from hil.errors import ConfigError
 from hil.identify.experiments import (
     PLANS,
@@ -257,7 +258,7 @@ def _described(
 ) -> dict[str, Any]:
     """The experiment of a file: of `hil gap next`, or what another run was."""
     described = read_experiment(file)
-    rig = load_rig(context.obj)
+    rig = checked(load_rig(context.obj), context.obj)
     if described.rig != rig.name:
         raise ConfigError(
             f"{file}: is an experiment for the rig {described.rig!r}, not for {rig.name!r}"

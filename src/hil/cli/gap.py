@@ -17,6 +17,7 @@ from hil.cli.gap_next import next_experiment
 from hil.cli.gap_rest import rest
 from hil.cli.outputs import Write, make_ready, write_all
 from hil.configfile import load_any_rig
+from hil.effectlines import checked
 from hil.gap import Located
 from hil.gap.bicycle import locate_any
 from hil.runs import load_run
@@ -56,7 +57,7 @@ def locate(
     """Find the gap by signal, frequency band and operating region, above the floor of noise."""
     file = None if json is None or str(json) == "-" else json
     make_ready(file, report)
-    settings = load_any_rig(rig)
+    settings = checked(load_any_rig(rig), rig)
     loaded = [load_run(path, settings) for path in runs]
     found = locate_any(loaded, settings, seed=seed)
     if json is not None and str(json) == "-":

@@ -13,6 +13,7 @@ from hil.cli.console import err, out
 from hil.cli.exam import Progress
 from hil.cli.gap_diagnose import all_but
 from hil.configfile import load_any_rig
+from hil.effectlines import checked
 from hil.gap.batch import find_jobs, open_jobs, run_jobs, summary
 
 
@@ -67,7 +68,7 @@ def batch(
         rig,
         to,
         references=reference or (),
-        without=all_but(load_any_rig(rig), effects),
+        without=all_but(checked(load_any_rig(rig), rig), effects),
         seed=seed,
     )
     todo = open_jobs(work)

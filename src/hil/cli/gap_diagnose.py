@@ -15,6 +15,7 @@ from hil.cli.console import err, out
 from hil.cli.outputs import Write, make_ready, write_all
 from hil.config import AnyRig, BicycleFile
 from hil.configfile import load_any_rig
+from hil.effectlines import checked
 from hil.errors import IdentificationError
 from hil.gap import Cause, Diagnosis
 from hil.gap.bicycle import diagnose_any
@@ -69,7 +70,7 @@ def diagnose(
     """
     file = None if json is None or str(json) == "-" else json
     make_ready(file, report)
-    settings = load_any_rig(rig)
+    settings = checked(load_any_rig(rig), rig)
     without = all_but(settings, effects)
     found = diagnose_any(
         [load_run(path, settings) for path in runs],

@@ -15,6 +15,7 @@ import tomlkit
 
 from hil.config import AnyRig
 from hil.configfile import parse_any_rig
+from hil.effectlines import check_effects
 from hil.errors import ConfigError
 
 FORMAT: Final = "hil-diagnosis/1"
@@ -40,7 +41,7 @@ def applied_text(
         _write(doc, cause, *_provenance(answer, cause, when, source))
     new = tomlkit.dumps(doc)
     checked = parse_any_rig(tomllib.loads(new), f"{rig.name} with what was diagnosed")
-    _check(checked)
+    check_effects(checked, f"{rig.name} with what was diagnosed")
     return new
 
 
@@ -151,10 +152,3 @@ def _rounded(value: float, ci: Sequence[float]) -> float:
     if not (width > 0.0 and math.isfinite(width) and math.isfinite(value)):
         return float(value)
     return float(round(value, 2 - math.floor(math.log10(width))))
-
-
-def _check(rig: AnyRig) -> None:
-    """The model takes the effects: names, bounds, nothing twice."""
-    from hil.sim.parameters import ParameterTable  # loads the catalogue only where it is needed
-
-    ParameterTable(rig).from_effects(rig.effects)

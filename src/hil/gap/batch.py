@@ -22,6 +22,7 @@ from typing import Any, Final
 import msgspec
 
 from hil.configfile import load_any_rig
+from hil.effectlines import checked
 from hil.errors import ConfigError, HilError, RunError
 from hil.gap.bicycle import diagnose_any
 from hil.gap.record.inputs import differing, inputs_of
@@ -174,7 +175,7 @@ def do_job(job: Job) -> str:
     """Diagnose one job and keep the answer; returns the verdict, or "failed: why"."""
     try:
         made_of = job.inputs()
-        rig = load_any_rig(job.rig)
+        rig = checked(load_any_rig(job.rig), job.rig)
         runs = [load_run(Path(p), rig) for p in job.runs]
         healthy = [load_run(Path(p), rig) for p in job.references]
         found = diagnose_any(runs, rig, references=healthy, without=job.without, seed=job.seed)
