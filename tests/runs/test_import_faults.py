@@ -299,7 +299,7 @@ def test_millimetres_called_metres_are_refused(tmp_path):
         as_csv(tmp_path, motion()), ALL.replace('"target", unit = "mm"', '"target", unit = "m"')
     )
     assert "column axis.setpoint, from row" in said
-    assert "far outside the stroke -0.25..0.25 of the rig 'axis'" in said
+    assert "far outside the stroke -0.25..0.25 m of the rig 'axis'" in said
     assert "millimetres" in said
 
 
