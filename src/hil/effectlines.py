@@ -27,6 +27,13 @@ def checked(rig: R, name: str | Path) -> R:
     return rig
 
 
+def effect_names(rig: AnyRig) -> tuple[str, ...]:
+    """The effects of `rig`'s model, in the catalogue's order."""
+    from hil.sim.parameters import ParameterTable
+
+    return tuple(dict.fromkeys(p.effect for p in ParameterTable(rig).entries))
+
+
 def check_effects(rig: AnyRig, source: str) -> None:
     """ConfigError with a line for each fault of `rig`'s effects; `source` is the file."""
     from hil.sim.parameters import ParameterTable  # half a second, which most rig files need not

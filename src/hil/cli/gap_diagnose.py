@@ -15,14 +15,13 @@ from hil.cli.console import err, out
 from hil.cli.outputs import Write, make_ready, write_all
 from hil.config import AnyRig, BicycleFile
 from hil.configfile import load_any_rig
-from hil.effectlines import checked
+from hil.effectlines import checked, effect_names
 from hil.errors import IdentificationError
 from hil.gap import Cause, Diagnosis
 from hil.gap.bicycle import diagnose_any
 from hil.gap.bicycle.next import propose_ride
 from hil.gap.next import next_experiment
 from hil.runs import load_run
-from hil.sim.parameters import ParameterTable
 from hil.ui.diagnosis_page import diagnosis_page
 
 SHOWN = 0.001
@@ -114,7 +113,7 @@ def all_but(rig: AnyRig, effects: str) -> tuple[str, ...]:
     """The effects of a rig's model that `effects` (names, commas between) does not list; none if it is
     empty."""
     chosen = {part.strip() for part in effects.split(",") if part.strip()}
-    known = dict.fromkeys(p.effect for p in ParameterTable(rig).entries)
+    known = effect_names(rig)
     strange = chosen.difference(known)
     if strange:
         raise typer.BadParameter(
