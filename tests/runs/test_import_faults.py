@@ -307,12 +307,17 @@ def test_millimetres_called_metres_are_refused(tmp_path):
     ("old", "new", "signal", "sentence"),
     [
         ('"force", unit = "kN"', '"force", unit = "N"', "axis.force", "are these kN, volts"),
-        ('"actual", unit = "mm"', '"actual", unit = "um"', "axis.position", "is the unit m right?"),
+        (
+            '"actual", unit = "mm"',
+            '"actual", unit = "um"',
+            "axis.position",
+            "m of a stroke of 0.5 m: is the map's unit, um, right?",
+        ),
         (
             '"speed", unit = "mm/s"',
             '"speed", unit = "m/s"',
             "axis.velocity",
-            "the drive's fastest is",
+            "the drive's fastest is 0.375 m/s: is the map's unit, m/s, right?",
         ),
     ],
 )
