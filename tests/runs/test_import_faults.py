@@ -364,7 +364,16 @@ def test_an_answer_before_its_question_is_said(tmp_path):
     log = as_csv(tmp_path, table.assign(target=table["actual"], actual=table["target"]))
     (said,) = found(bring(log), "delay")
     assert said.startswith("warning")
-    assert "an answer before its question" in said
+    assert "ms before its setpoint" in said
+    assert "an answer before its question: is target really the setpoint" in said
+
+
+@pytest.mark.parametrize("unit", ["s", "us"])
+def test_a_delay_by_a_time_in_another_unit_is_not_called_ok(tmp_path, unit):
+    report = bring(as_csv(tmp_path, motion()), ALL.replace('"ms"', f'"{unit}"'))
+    (said,) = found(report, "delay")
+    assert said.startswith("warning")
+    assert "is the unit of time the one that the map says?" in said
 
 
 def test_another_axis_is_said(tmp_path):
