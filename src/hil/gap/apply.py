@@ -7,6 +7,7 @@ in its place: the twin that was fitted had the file's own effects in it, so what
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -21,6 +22,9 @@ from hil.errors import ConfigError
 FORMAT: Final = "hil-diagnosis/1"
 PICKABLE: Final = 0.001
 """Probability from which on a cause is offered."""
+
+_CHANGED: Final = r"; \w+ was "
+"""Begins, in a provenance, what stood there before."""
 
 Answer = Mapping[str, Any]
 
@@ -116,22 +120,12 @@ def _write(doc: Any, cause: Answer, source: str, comments: Sequence[str]) -> Non
         doc.add(tomlkit.nl())
         lines = doc["effects"] = tomlkit.aot()
     note = "; ".join(comments)
-    mine = [
-        x for x in lines if x["effect"] == cause["effect"] and x["location"] == cause["location"]
-    ]
-    for name in list(values):
-        line = next((x for x in mine if name in x["parameters"]), None)
-        if line is None:
-            continue
-        before = line["parameters"][name]
-        line["parameters"][name] = values.pop(name)
-        line["provenance"] = (
-            f"{source}; {name} was {float(before):.6g}: {line.get('provenance', '')}"
-        )
-    if mine and values:
-        for name, value in values.items():
-            mine[0]["parameters"][name] = value
-        mine[0]["provenance"] = source
+    line = next(
+        (x for x in lines if x["effect"] == cause["effect"] and x["location"] == cause["location"]),
+        None,
+    )
+    if line is not None:
+        _replace(line, values, source)
     elif values:
         inline = not isinstance(lines, tomlkit.items.AoT)
         line = tomlkit.inline_table() if inline else tomlkit.table()
@@ -144,6 +138,15 @@ def _write(doc: Any, cause: Answer, source: str, comments: Sequence[str]) -> Non
         line.add("parameters", parameters)
         line.add("provenance", source)
         lines.append(line)
+
+
+def _replace(line: Any, values: Mapping[str, float], source: str) -> None:
+    """Put `values` in the place of a line's own; its provenance says what they were, one step back."""
+    before = {name: float(x) for name, x in line["parameters"].items() if name in values}
+    changed = [f"{name} was {x:.6g}" for name, x in before.items() if x != values[name]]
+    own = re.split(_CHANGED, line.get("provenance", ""), maxsplit=1)[0]
+    line["parameters"].update(values)
+    line["provenance"] = f"{source}; {', '.join(changed)}: {own}" if changed else source
 
 
 def _rounded(value: float, ci: Sequence[float]) -> float:
