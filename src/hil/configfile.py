@@ -99,8 +99,17 @@ def parse_settings(tables: dict[str, Any], model: type[S], source: str) -> S:
     try:
         return model.model_validate(tables)
     except ValidationError as error:
-        lines = [f"{source}: {_sentence(dict(fault), tables)}" for fault in error.errors()]
+        faults = [dict(fault) for fault in error.errors()]
+        told = [f for f in faults if not _follows(f, faults)]
+        lines = [f"{source}: {_sentence(fault, tables)}" for fault in told]
         raise ConfigError("\n".join(lines)) from error
+
+
+def _follows(fault: dict[str, Any], faults: list[dict[str, Any]]) -> bool:
+    """Whether a list is too short only because entries of it have faults of their own."""
+    place = fault["loc"]
+    inside = [f for f in faults if f["loc"][: len(place)] == place and f["loc"] != place]
+    return fault["type"] == "too_short" and bool(inside)
 
 
 def _sentence(fault: dict[str, Any], tables: dict[str, Any]) -> str:

@@ -2,10 +2,12 @@
 
 import json
 
+import pytest
 from typer.testing import CliRunner
 
 from hil.cli.app import app
 from hil.configfile import find_rig_file
+from hil.errors import ConfigError
 
 run = CliRunner().invoke
 
@@ -24,6 +26,50 @@ def test_check_answers_no_with_exit_code_one(tmp_path):
     answer = json.loads(result.output)
     assert not answer["ok"]
     assert "mass.m" in answer["faults"][0]
+
+
+AXIS = find_rig_file("axis").read_text()
+HERE = '[[effects]]\nlocation = "axis"\n'
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        (f'{HERE}effect = "backlsh"\nparameters = {{ gap = 1e-4 }}',
+         "effects[0].effect: 'backlsh' is none of the catalogue; nearest: backlash"),
+        (f'{HERE}effect = "payload_mass"\nparameters = {{ mass = 1.0 }}',
+         "effects[0].effect: 'payload_mass' does not act at 'axis', but at platform"),
+        ('[[effects]]\nlocation = "axs"\neffect = "backlash"\nparameters = { gap = 1e-4 }',
+         "effects[0].location: 'axs' is no place of this rig's model; nearest: axis"),
+        (f'{HERE}effect = "backlash"\nparameters = {{ gapp = 1e-4 }}',
+         "effects[0].parameters.gapp: backlash has no such parameter; it has gap"),
+        (f'{HERE}effect = "backlash"\nparameters = {{ gap = 3.0 }}',
+         "effects[0].parameters.gap: 3 m lies outside 0..0.02 m (backlash at axis)"),
+        (f'{HERE}effect = "backlash"\nparameters = {{}}',
+         "effects[0].parameters: is empty, so backlash does nothing; it has gap"),
+        (f'{HERE}effect = "backlash"\nparameters = {{ gap = 1e-4 }}\n' * 2,
+         "effects[1]: backlash at axis stands there already, as effects[0]"),
+    ],
+)  # fmt: skip
+def test_effects_that_the_model_has_not_are_named_by_file_key_and_bound(lines, said, tmp_path):
+    path = tmp_path / "v.toml"
+    path.write_text(f"{AXIS}\n{lines}\n")
+    result = run(app, ["config", "check", str(path), "--json"])
+    assert result.exit_code == 1
+    (fault,) = json.loads(result.output)["faults"]
+    assert fault.startswith(f"{path}: {said}")
+    for used in (["gap", "locate", "run", "--rig", str(path)], ["experiment", str(path), "step"]):
+        with pytest.raises(ConfigError) as refused:
+            run(app, used, catch_exceptions=False)
+        assert str(refused.value) == fault
+
+
+def test_a_fault_of_an_actuator_is_one_fault(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text(AXIS.replace("viscous = ", "viscous = -"))
+    answer = json.loads(run(app, ["config", "check", str(path), "--json"]).output)
+    (fault,) = answer["faults"]
+    assert "actuators[0] (axis).viscous" in fault
 
 
 def test_show_fills_in_the_defaults():

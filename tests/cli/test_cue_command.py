@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from hil.cli.app import app
 from hil.cli.cue import file_cues
 from hil.configfile import load_rig
-from hil.errors import ConfigError
+from hil.errors import ConfigError, RunError
 from tests.daemon.simulated_rig import Session, rig_file
 from tests.shared_data import shared
 
@@ -64,6 +64,22 @@ def test_a_map_that_names_no_column_says_which_there_are(tmp_path):
     result = run(app, [*args, "--out", str(tmp_path / "cue.csv")])
     assert result.exit_code != 0
     assert "tilt" in str(result.exception)
+
+
+def test_a_low_pass_that_cannot_be_names_the_log_and_asks_for_the_unit_of_time(tmp_path):
+    with pytest.raises(RunError, match=r"ride\.csv: cut-off 80 Hz .* is its time in the unit"):
+        run(
+            app,
+            [
+                *FROM_LOG,
+                str(written(tmp_path)),
+                "--out",
+                str(tmp_path / "c.csv"),
+                "--low-pass",
+                "80",
+            ],
+            catch_exceptions=False,
+        )
 
 
 @pytest.mark.shared

@@ -6,8 +6,11 @@ import pytest
 from typer.testing import CliRunner
 
 from hil.cli.app import app
+from hil.cli.experiment import unit_of
+from hil.configfile import load_rig
 from hil.errors import ConfigError, RigNotReached
 from hil.identify.experiments import experiment_of
+from hil.identify.experiments.limits import Use
 from hil.runs import load_run
 from hil.runs.folder import Payload
 
@@ -25,10 +28,20 @@ def test_a_dry_run_writes_motion_description_and_page_and_plays_nothing(tmp_path
     }
     assert "step on axis: position 0.01" in result.output
     assert "velocity of position" in result.output
+    for rule, unit in (("velocity of position", "m/s"), ("speed of axis", "m/s"),
+                       ("acceleration of axis", "m/s²")):  # fmt: skip
+        (line,) = (x for x in result.output.splitlines() if rule in x)
+        assert line.split("│")[4].strip() == unit
     assert experiment_of(tmp_path / "out").played is None
     page = (tmp_path / "out" / "experiment.html").read_text()
     assert "Limits used" in page
     assert "<script src=" not in page
+
+
+def test_limits_of_rotations_are_in_rad():
+    rig = load_rig("motorcycle")
+    assert unit_of(Use("jerk", "roll", 1.0, 2.0), rig) == "rad/s³"
+    assert unit_of(Use("stroke", "leg1", 1.0, 2.0), rig) == "m"
 
 
 def test_by_default_it_is_played_on_the_simulated_rig(tmp_path):
@@ -41,6 +54,7 @@ def test_by_default_it_is_played_on_the_simulated_rig(tmp_path):
     assert described.played.seed == 5
     assert answer["experiment"]["played"]["start_s"] == described.played.start_s
     assert max(use["value"] / use["bound"] for use in answer["uses"]) < 0.6
+    assert {use["unit"] for use in answer["uses"]} == {"m", "m/s", "m/s²", "m/s³"}
     position = load_run(folder).table["axis.position"].dropna()
     assert position.max() == pytest.approx(0.01, abs=5e-4)
 

@@ -74,6 +74,23 @@ def test_a_parameter_that_is_there_is_replaced_and_other_lines_stay(tmp_path):
     assert gap.parameters == {"gap": 4e-4}
 
 
+def test_where_a_parameter_came_from_is_kept_one_step_back_and_does_not_grow(tmp_path):
+    text, lengths = AXIS_FILE, []
+    for k, when in enumerate(("one", "two", "three", "four", "five")):
+        found = answer(cause("coulomb_friction", force=30.0 + k, presliding=1e-5 * (1 + k)))
+        text = applied_text(text, found, when=when)
+        (line,) = read(text, tmp_path).effects
+        lengths.append(len(line.provenance))
+    assert lengths[2] <= lengths[1] + 2
+    assert lengths[4] <= lengths[1] + 2
+    assert "five" in line.provenance
+    assert "force was 33, presliding was 4e-05: hil gap diagnose, run7, four" in line.provenance
+    assert "three" not in line.provenance
+    again = applied_text(text, found, when="five")
+    (line,) = read(again, tmp_path).effects
+    assert "was" not in line.provenance
+
+
 def test_effects_given_inline_grow_inline(tmp_path):
     lines = 'effects = [{ effect = "backlash", location = "axis", parameters = { gap = 1e-4 } }]\n'
     text = applied_text(lines + AXIS_FILE, answer(cause("coulomb_friction", force=30.0)), when="x")

@@ -2,11 +2,15 @@
 
 import json
 import shutil
+from dataclasses import dataclass
 
 import pytest
+from typer.testing import CliRunner
 
+from hil.cli.app import app
+from hil.configfile import find_rig_file
 from hil.errors import ConfigError, RunError
-from hil.gap.batch import do_job, find_jobs, run_jobs, summary
+from hil.gap.batch import do_job, find_jobs, open_jobs, run_jobs, summary
 from tests.gap.twin_runs import record
 
 META = 'format = "hil-run/1"\nrig = "axis"\nmode = "position"\n'
@@ -51,12 +55,12 @@ def test_what_is_finished_is_not_done_again_and_what_failed_is(tmp_path, healthy
     good, bad = run_folder(tmp_path / "good", healthy), broken(tmp_path / "bad")
     jobs = find_jobs([good, bad], "axis", tmp_path / "out")
     done = {}
-    run_jobs(jobs, done.__setitem__)
+    assert run_jobs(list(open_jobs(jobs)), done.__setitem__) == 1
     assert done["good"] == "no_gap"
     assert done["bad"].startswith("failed: ")
     assert json.loads(jobs[0].answer.read_text())["verdict"] == "no_gap"
     again = {}
-    run_jobs(jobs, again.__setitem__)
+    run_jobs(list(open_jobs(jobs)), again.__setitem__)
     assert list(again) == ["bad"]
     good_row, bad_row = summary(jobs)
     assert (good_row["verdict"], bad_row["verdict"]) == ("no_gap", "failed")
@@ -64,6 +68,80 @@ def test_what_is_finished_is_not_done_again_and_what_failed_is(tmp_path, healthy
     run_folder(bad, healthy)
     assert do_job(jobs[1]) == "no_gap"
     assert not jobs[1].failure.exists()
+
+
+@dataclass(frozen=True)
+class Said:
+    """A diagnosis that took no time."""
+
+    verdict: str = "no_gap"
+
+    def tables(self):
+        return {"verdict": self.verdict, "effects": [], "gap": {}}
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Jobs whose runs are read and not judged."""
+    monkeypatch.setattr("hil.gap.batch.diagnose_any", lambda *runs, **how: Said())
+
+
+def test_an_answer_counts_only_for_what_it_was_made_of(tmp_path, healthy, quick):
+    rig = tmp_path / "axis.toml"
+    rig.write_text(find_rig_file("axis").read_text())
+    first = run_folder(tmp_path / "first", healthy[:20])
+    other = run_folder(tmp_path / "elsewhere" / "first", healthy[:30])
+    reference = run_folder(tmp_path / "zero", healthy[:20])
+
+    def jobs(place=first, **how):
+        return find_jobs([place], str(rig), tmp_path / "out", **how)
+
+    def why(**how):
+        return list(open_jobs(jobs(**how)).values())
+
+    assert why() == [""]
+    run_jobs(jobs(), lambda name, text: None)
+    assert why() == []
+    assert why(seed=1) == ["the seed changed since"]
+    assert why(without=["backlash"]) == ["the effects changed since"]
+    assert why(references=[reference]) == ["the references changed since"]
+    assert why(place=other) == ["the runs changed since"]
+    assert summary(jobs(place=other))[0]["verdict"] == "open"
+    rig.write_text(rig.read_text().replace("m = 95.0", "m = 96.0"))
+    assert why() == ["the rig file changed since"]
+    run_jobs(jobs(), lambda name, text: None)
+    healthy[:25].to_csv(first / "signals.csv", index=False)
+    assert why() == ["the runs changed since"]
+    said = json.loads(jobs()[0].answer.read_text())
+    del said["made_of"]
+    jobs()[0].answer.write_text(json.dumps(said))
+    assert why() == ["the answer there does not say what it was made of"]
+
+
+def test_the_command_says_what_it_does_anew_and_ends_with_1_where_a_job_failed(
+    tmp_path, healthy, quick
+):
+    good, bad = run_folder(tmp_path / "good", healthy[:20]), tmp_path / "bad"
+    run_folder(bad, healthy[:20])
+    (bad / "signals.csv").write_text("t,axis.setpoint\n0,0\n0,1\n")
+    told = ["gap", "batch", str(good), str(bad), "--rig", "axis", "--out", str(tmp_path / "out"),
+            "--jobs", "1"]  # fmt: skip
+    first = CliRunner().invoke(app, told)
+    assert first.exit_code == 1
+    assert "1 of 2 failed" in first.stderr
+    assert "stands still" in first.stdout
+    shutil.rmtree(bad)
+    again = CliRunner().invoke(app, [*told[:3], *told[4:], "--seed", "4"])
+    assert again.exit_code == 0
+    assert "good: done anew: the seed changed since" in again.stderr
+
+
+def test_a_folder_for_the_answers_that_cannot_be_is_named(tmp_path, healthy):
+    run, file = run_folder(tmp_path / "run", healthy[:20]), tmp_path / "out"
+    file.write_text("")
+    for place in (file, file / "in"):
+        with pytest.raises(ConfigError, match="no folder for answers"):
+            run_jobs(find_jobs([run], "axis", place), lambda name, text: None)
 
 
 def test_a_cluster_with_two_workers_shares_the_jobs(tmp_path):

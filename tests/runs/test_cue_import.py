@@ -175,7 +175,31 @@ def test_every_kind_of_table_reads_the_same(tmp_path: Path, rig: RigFile, name: 
             "column s: time runs back at row 2",
         ),
         ({"a": [1, 2]}, "sway=a:m", 100.0, "the rig 'motorcycle' has only yaw, pitch, roll"),
-        ({"a": [0.0] * 50}, "roll=a:rad@60", 100.0, "cut-off 60 Hz lies outside 0..50 Hz"),
+        (
+            {"a": [0.0] * 50},
+            "roll=a:rad@60",
+            100.0,
+            "a.csv: column a: cut-off 60 Hz lies outside 0..50 Hz",
+        ),
+        (
+            {"a": [0.0] * 50, "ms": [10.0 * k for k in range(50)]},
+            "roll=a:rad@2, t=ms:s",
+            None,
+            "a.csv: column ms: a row each 10 s is no ride: the map says s, is its unit ms or finer?",
+        ),
+        (
+            {"a": [0.0] * 50, "ms": [10.0 * k for k in range(50)]},
+            "roll=a:rad, t=ms:us",
+            None,
+            "a.csv: column ms: a row each 1e-05 s is no ride: the map says us, is its unit coarser?",
+        ),
+        (
+            {"a": [0.0] * 50, "ms": [1.0 * k for k in range(50)]},
+            "roll=a:rad@2, t=ms:s",
+            None,
+            "column a: cut-off 2 Hz lies outside 0..0.5 Hz of a trajectory sampled at 1 Hz; is its time, ms, "
+            "really in s?",
+        ),
     ],
 )
 def test_bad_log_gets_its_sentence(

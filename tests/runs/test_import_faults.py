@@ -299,7 +299,7 @@ def test_millimetres_called_metres_are_refused(tmp_path):
         as_csv(tmp_path, motion()), ALL.replace('"target", unit = "mm"', '"target", unit = "m"')
     )
     assert "column axis.setpoint, from row" in said
-    assert "far outside the stroke -0.25..0.25 of the rig 'axis'" in said
+    assert "far outside the stroke -0.25..0.25 m of the rig 'axis'" in said
     assert "millimetres" in said
 
 
@@ -307,12 +307,17 @@ def test_millimetres_called_metres_are_refused(tmp_path):
     ("old", "new", "signal", "sentence"),
     [
         ('"force", unit = "kN"', '"force", unit = "N"', "axis.force", "are these kN, volts"),
-        ('"actual", unit = "mm"', '"actual", unit = "um"', "axis.position", "is the unit m right?"),
+        (
+            '"actual", unit = "mm"',
+            '"actual", unit = "um"',
+            "axis.position",
+            "m of a stroke of 0.5 m: is the map's unit, um, right?",
+        ),
         (
             '"speed", unit = "mm/s"',
             '"speed", unit = "m/s"',
             "axis.velocity",
-            "the drive's fastest is",
+            "the drive's fastest is 0.375 m/s: is the map's unit, m/s, right?",
         ),
     ],
 )
@@ -359,7 +364,16 @@ def test_an_answer_before_its_question_is_said(tmp_path):
     log = as_csv(tmp_path, table.assign(target=table["actual"], actual=table["target"]))
     (said,) = found(bring(log), "delay")
     assert said.startswith("warning")
-    assert "an answer before its question" in said
+    assert "ms before its setpoint" in said
+    assert "an answer before its question: is target really the setpoint" in said
+
+
+@pytest.mark.parametrize("unit", ["s", "us"])
+def test_a_delay_by_a_time_in_another_unit_is_not_called_ok(tmp_path, unit):
+    report = bring(as_csv(tmp_path, motion()), ALL.replace('"ms"', f'"{unit}"'))
+    (said,) = found(report, "delay")
+    assert said.startswith("warning")
+    assert "is the unit of time the one that the map says?" in said
 
 
 def test_another_axis_is_said(tmp_path):

@@ -63,6 +63,17 @@ def test_csv_as_a_german_logger_writes_it(tmp_path):
     assert holds_the_motion(brought(path, how + CLOCK + SIGNALS))
 
 
+@pytest.mark.parametrize("columns", [MOTION.columns, ["time"]])
+def test_decimal_commas_that_the_map_does_not_say_are_told_with_the_key(tmp_path, columns):
+    path = tmp_path / "log.csv"
+    table = MOTION.copy()
+    for column in columns:
+        table[column] = [f"{v:.6f}".replace(".", ",") for v in table[column]]
+    table.to_csv(path, index=False, sep=";")
+    with pytest.raises(RunError, match=r'is not a finite number: .* decimal = "," under \[file\]'):
+        brought(path)
+
+
 def test_csv_without_header_by_number_or_by_names_of_the_map(tmp_path):
     path = tmp_path / "log.txt.gz"
     with gzip.open(path, "wt") as stream:

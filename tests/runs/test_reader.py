@@ -271,6 +271,11 @@ def test_millimetres_are_recognised(folder: Make, rig: RigFile) -> None:
         load_run(path, rig)
 
 
+def test_a_path_may_be_text(folder: Make) -> None:
+    path = folder()
+    assert load_run(str(path)).table.equals(load_run(path).table)
+
+
 def test_folder_without_anything_to_read(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="no such run"):
         load_run(tmp_path / "nothing")

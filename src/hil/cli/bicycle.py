@@ -23,6 +23,7 @@ from hil.cli.bicycle_weave import weave_command
 from hil.cli.console import JsonFlag, err, out, write_json
 from hil.config import BicycleFile
 from hil.configfile import find_rig_file, load_bicycle
+from hil.effectlines import checked
 from hil.errors import ConfigError, RunError
 from hil.rigs.bicycle import canonical, impossible_bodies, pack, reduced_inertia
 from hil.runs import load_run
@@ -121,7 +122,7 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="Of noise, jitter and rider.")] = 0,
 ) -> None:
     """Ride a bicycle that is not there, and record it as its sensors would."""
-    bicycle = with_effects(load_bicycle(rig), effect or [])
+    bicycle = with_effects(checked(load_bicycle(rig), rig), effect or [])
     told = manoeuvre(track)
     way = replace(told, cruise=cruise or told.cruise, turning=turning or told.turning)
     ride = way.ride(bicycle, seed, road_m=road)

@@ -14,6 +14,7 @@ from hil.config import RigFile
 from hil.config.base import Settings
 from hil.configfile import find_rig_file, load_rig
 from hil.drivefiles import load_profiles
+from hil.effectlines import checked
 from hil.errors import ConfigError
 from hil.rigs import build_rig
 
@@ -25,6 +26,7 @@ def check(rig: RigArgument, json: JsonFlag = False) -> None:
     """Read a rig file and say what is wrong with it, or that nothing is. Exit code 1 if it is wrong."""
     try:
         loaded = load_rig(rig)
+        checked(loaded, rig)
         build_rig(loaded)
         require_schedule_fits(loaded, load_profiles(loaded))
     except ConfigError as error:

@@ -17,7 +17,7 @@ from hil.configfile import load_rig
 from hil.control.demo_ride import DURATION_S, DemoRide
 from hil.control.streaming import cues, motion_of
 from hil.control.trajectory import fit
-from hil.errors import ConfigError
+from hil.errors import ConfigError, RunError
 from hil.messages import cue_message
 from hil.rigs import build_rig
 from hil.runs.cuefile import read_cue_file, write_cue_file
@@ -102,7 +102,10 @@ def from_log(
     """
     settings = load_rig(rig)
     imported = cue_from_log(log, read_cue_map(cue_map), settings, rate_hz)
-    fitted = fit(imported.trajectory, settings, build_rig(settings), low_pass_hz)
+    try:
+        fitted = fit(imported.trajectory, settings, build_rig(settings), low_pass_hz)
+    except RunError as error:
+        raise RunError(f"{log}: {error}; is its time in the unit that the map says?") from error
     notes = (*imported.notes, *fitted.notes)
     write_cue_file(target, fitted.trajectory, settings.name, notes)
     duration_s = fitted.trajectory.duration_s

@@ -15,8 +15,10 @@ from hil.cli.console import RigArgument, err, out, write_json
 from hil.cli.options import ModeOption, SeedOption, profiles_of, rig_with
 from hil.cli.plan_options import options_of, values_of
 from hil.client import RigClient
-from hil.config import Effect, RigFile
+from hil.config import AxisGeometry, Effect, RigFile
+from hil.config.rig import ROTATIONS
 from hil.configfile import load_rig, parse_settings
+from hil.effectlines import checked
 from hil.errors import ConfigError
 from hil.identify.experiments import (
     PLANS,
@@ -29,6 +31,7 @@ from hil.identify.experiments import (
     write_experiment,
 )
 from hil.identify.experiments.custom import read_custom
+from hil.identify.experiments.limits import Use
 from hil.identify.experiments.payload import bolted
 from hil.identify.experiments.play import play_on_rig, play_simulated
 from hil.runs.folder import Payload, read_meta, write_meta
@@ -40,6 +43,10 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 PAGE: Final = "experiment.html"
+_PER: Final = {
+    "workspace": "", "stroke": "", "velocity": "/s", "speed": "/s", "acceleration": "/s²", "jerk": "/s³",
+}  # fmt: skip
+"""By rule of a limit: what of m or rad it is."""
 
 
 @app.callback()
@@ -97,7 +104,7 @@ def _play(
         effects += bolted(rig, payload)
     made = design(plan, rig, motion)
     if not json:
-        show(made)
+        show(made, rig)
     if dry_run is not None:
         write_experiment(dry_run, made.description, made.trajectory)
         folder = experiment_page(made, rig, dry_run / PAGE).parent
@@ -125,7 +132,14 @@ def _play(
         write_meta(folder, read_meta(folder).model_copy(update={"payload": payload}))
     if json:
         uses = [
-            {"rule": u.rule, "name": u.name, "value": u.value, "bound": u.bound} for u in made.uses
+            {
+                "rule": u.rule,
+                "name": u.name,
+                "value": u.value,
+                "bound": u.bound,
+                "unit": unit_of(u, rig),
+            }
+            for u in made.uses
         ]
         write_json(
             {
@@ -162,7 +176,13 @@ def read_effects(rig: RigFile, given: list[str]) -> tuple[Effect, ...]:
     )
 
 
-def show(made: Design) -> None:
+def unit_of(use: Use, rig: RigFile) -> str:
+    """The unit of a limit's value and bound."""
+    of_pendulum = isinstance(rig.geometry, AxisGeometry) and rig.geometry.load == "pendulum"
+    return ("rad" if use.name in ROTATIONS or of_pendulum else "m") + _PER[use.rule]
+
+
+def show(made: Design, rig: RigFile) -> None:
     """What was designed: sizes, lines, and the share of each limit that it uses."""
     d = made.description
     sizes = ", ".join(f"{c} {a:.4g}" for c, a in zip(d.coordinates, d.amplitude, strict=True))
@@ -181,14 +201,15 @@ def show(made: Design) -> None:
     if d.detection:
         odd = sum(k % 2 for k in d.detection)
         out.print(f"detection lines: {odd} odd, {len(d.detection) - odd} even")
-    table = Table("limit", "most", "bound", "used")
-    table.columns[3].justify = "right"
+    table = Table("limit", "most", "bound", "unit", "used")
+    table.columns[4].justify = "right"
     for use in sorted(made.uses, key=lambda u: -u.share):
         if use.share > 0.01:
             table.add_row(
                 f"{use.rule} of {use.name}",
                 f"{use.value:.4g}",
                 f"{use.bound:.4g}",
+                unit_of(use, rig),
                 f"{100.0 * use.share:.0f} %",
             )
     out.print(table)
@@ -257,7 +278,7 @@ def _described(
 ) -> dict[str, Any]:
     """The experiment of a file: of `hil gap next`, or what another run was."""
     described = read_experiment(file)
-    rig = load_rig(context.obj)
+    rig = checked(load_rig(context.obj), context.obj)
     if described.rig != rig.name:
         raise ConfigError(
             f"{file}: is an experiment for the rig {described.rig!r}, not for {rig.name!r}"

@@ -15,8 +15,9 @@ from hil.cli.gap_batch import batch
 from hil.cli.gap_diagnose import diagnose
 from hil.cli.gap_next import next_experiment
 from hil.cli.gap_rest import rest
+from hil.cli.outputs import Write, make_ready, write_all
 from hil.configfile import load_any_rig
-from hil.errors import RunError
+from hil.effectlines import checked
 from hil.gap import Located
 from hil.gap.bicycle import locate_any
 from hil.runs import load_run
@@ -54,30 +55,28 @@ def locate(
     seed: Annotated[int, typer.Option(min=0, help="Of the noise that is drawn.")] = 0,
 ) -> None:
     """Find the gap by signal, frequency band and operating region, above the floor of noise."""
-    settings = load_any_rig(rig)
+    file = None if json is None or str(json) == "-" else json
+    make_ready(file, report)
+    settings = checked(load_any_rig(rig), rig)
     loaded = [load_run(path, settings) for path in runs]
     found = locate_any(loaded, settings, seed=seed)
     if json is not None and str(json) == "-":
         typer.echo(found.to_json().decode())
     else:
         _show(found)
-    if json is not None and str(json) != "-":
-        _write(json, found.to_json())
+    writes: dict[Path, Write] = {}
+    if file is not None:
+        writes[file] = lambda path: path.write_bytes(found.to_json() + b"\n")
     if report is not None:
-        gap_page(found, report)
+        writes[report] = lambda path: gap_page(found, path)
+    write_all(writes)
+    if report is not None:
         err.print(f"page: {report}", soft_wrap=True, markup=False)
 
 
 app.command()(diagnose)
 app.command()(apply)
 app.command()(batch)
-
-
-def _write(path: Path, data: bytes) -> None:
-    try:
-        path.write_bytes(data + b"\n")
-    except OSError as error:
-        raise RunError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _show(found: Located) -> None:

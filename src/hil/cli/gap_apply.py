@@ -12,6 +12,7 @@ import typer
 
 from hil.cli.console import err, out
 from hil.configfile import find_rig_file, load_any_rig, parse_any_rig
+from hil.effectlines import checked
 from hil.errors import ConfigError, RunError
 from hil.gap.apply import alarms, applied_text, chosen_causes
 from hil.identify.estimate.rigfile import write_rig_file
@@ -40,7 +41,7 @@ def apply(
     answer = _read(diagnosis)
     path = find_rig_file(rig)
     picked = tuple(pick or ())
-    settings = load_any_rig(rig)
+    settings = checked(load_any_rig(rig), rig)
     try:
         text = applied_text(
             path.read_text(encoding="utf-8"), answer, when=date.today().isoformat(),

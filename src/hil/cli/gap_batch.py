@@ -6,13 +6,15 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Column, Table
 
 from hil.cli.console import err, out
 from hil.cli.exam import Progress
 from hil.cli.gap_diagnose import all_but
 from hil.configfile import load_any_rig
-from hil.gap.batch import find_jobs, run_jobs, summary
+from hil.effectlines import checked
+from hil.gap.batch import find_jobs, open_jobs, run_jobs, summary
 
 
 def batch(
@@ -54,19 +56,28 @@ def batch(
     ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Of the noise that is drawn.")] = 0,
 ) -> None:
-    """Diagnose many runs. Interrupt and start again as you like: what is finished is not done again."""
+    """Diagnose many runs. Interrupt and start again as you like: what is finished is not done again.
+
+    An answer that is there counts only for the rig file, runs, references, effects and seed that it was made
+    of; where one of them changed, that job is done anew, and it is said so. Exit status 0 where every job has
+    a verdict, 1 where one or more failed (the table says which and why; the next start tries them again), 2
+    where nothing could be begun.
+    """
     work = find_jobs(
         places,
         rig,
         to,
         references=reference or (),
-        without=all_but(load_any_rig(rig), effects),
+        without=all_but(checked(load_any_rig(rig), rig), effects),
         seed=seed,
     )
-    todo = sum(not j.answer.is_file() for j in work)
-    if todo < len(work):
-        err.print(f"{len(work) - todo} of {len(work)} are finished already", markup=False)
-    run_jobs(work, Progress(todo).done, workers=jobs, scheduler=scheduler)
+    todo = open_jobs(work)
+    if len(todo) < len(work):
+        err.print(f"{len(work) - len(todo)} of {len(work)} are finished already", markup=False)
+    for job, why in todo.items():
+        if why:
+            err.print(f"{job.name}: done anew: {why}", markup=False, soft_wrap=True)
+    failed = run_jobs(list(todo), Progress(len(todo)).done, workers=jobs, scheduler=scheduler)
     table = Table(
         Column("runs", no_wrap=True), "verdict", "effects", Column("p", justify="right"),
         Column("shrink", justify="right"),
@@ -74,7 +85,10 @@ def batch(
     for row in summary(work):
         p, shrink = row["probability"], row["shrink"]
         table.add_row(
-            row["name"], row["verdict"], row["effects"], "" if p is None else f"{p:.3f}",
+            escape(row["name"]), row["verdict"], escape(row["effects"]), "" if p is None else f"{p:.3f}",
             "" if shrink is None else f"{100.0 * shrink:.0f} %",
         )  # fmt: skip
     out.print(table)
+    if failed:
+        err.print(f"{failed} of {len(work)} failed", style="red", markup=False)
+        raise typer.Exit(1)

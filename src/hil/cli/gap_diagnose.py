@@ -12,15 +12,16 @@ import typer
 from rich.table import Column, Table
 
 from hil.cli.console import err, out
+from hil.cli.outputs import Write, make_ready, write_all
 from hil.config import AnyRig, BicycleFile
 from hil.configfile import load_any_rig
-from hil.errors import IdentificationError, RunError
+from hil.effectlines import checked, effect_names
+from hil.errors import IdentificationError
 from hil.gap import Cause, Diagnosis
 from hil.gap.bicycle import diagnose_any
 from hil.gap.bicycle.next import propose_ride
 from hil.gap.next import next_experiment
 from hil.runs import load_run
-from hil.sim.parameters import ParameterTable
 from hil.ui.diagnosis_page import diagnosis_page
 
 SHOWN = 0.001
@@ -66,7 +67,9 @@ def diagnose(
 
     Exit status 0 whatever the verdict; 2 where the data cannot be judged.
     """
-    settings = load_any_rig(rig)
+    file = None if json is None or str(json) == "-" else json
+    make_ready(file, report)
+    settings = checked(load_any_rig(rig), rig)
     without = all_but(settings, effects)
     found = diagnose_any(
         [load_run(path, settings) for path in runs],
@@ -82,10 +85,13 @@ def diagnose(
         typer.echo(found.to_json().decode())
     else:
         show(found)
-    if json is not None and str(json) != "-":
-        write(json, found.to_json() + b"\n")
+    writes: dict[Path, Write] = {}
+    if file is not None:
+        writes[file] = lambda path: path.write_bytes(found.to_json() + b"\n")
     if report is not None:
-        diagnosis_page(found, report)
+        writes[report] = lambda path: diagnosis_page(found, path)
+    write_all(writes)
+    if report is not None:
         err.print(f"page: {report}", soft_wrap=True, markup=False)
 
 
@@ -107,7 +113,7 @@ def all_but(rig: AnyRig, effects: str) -> tuple[str, ...]:
     """The effects of a rig's model that `effects` (names, commas between) does not list; none if it is
     empty."""
     chosen = {part.strip() for part in effects.split(",") if part.strip()}
-    known = dict.fromkeys(p.effect for p in ParameterTable(rig).entries)
+    known = effect_names(rig)
     strange = chosen.difference(known)
     if strange:
         raise typer.BadParameter(
@@ -128,14 +134,6 @@ class Steps:
         err.print(
             f"{time.monotonic() - self._start_s:5.1f} s  {text}", markup=False, soft_wrap=True
         )
-
-
-def write(path: Path, data: bytes) -> None:
-    """Write a file; RunError where that fails."""
-    try:
-        path.write_bytes(data)
-    except OSError as error:
-        raise RunError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def show(found: Diagnosis) -> None:

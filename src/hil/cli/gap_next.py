@@ -12,6 +12,7 @@ from rich.table import Table
 from hil.cli.console import err, out, write_json
 from hil.config import BicycleFile
 from hil.configfile import load_any_rig
+from hil.effectlines import checked
 from hil.errors import RunError
 from hil.gap.apply import FORMAT
 from hil.gap.bicycle.next import RideProposal, propose_ride, write_ride_proposal
@@ -44,7 +45,7 @@ def next_experiment(
     For a bicycle it is a manoeuvre of its catalogue: an instruction for the rider, and beside it a simulated
     ride for each candidate, to hold the real one against.
     """
-    settings = load_any_rig(rig)
+    settings = checked(load_any_rig(rig), rig)
     if isinstance(settings, BicycleFile):
         _ride(diagnosis, settings, rig, to, seed, as_json)
         return

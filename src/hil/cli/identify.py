@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 from hil.cli import identify_frequency
 from hil.cli.console import JsonFlag, err, out, write_json
 from hil.configfile import find_rig_file, load_rig
+from hil.effectlines import checked
 from hil.identify.estimate import (
     Identification,
     LinearMethod,
@@ -119,7 +120,7 @@ def fit(
     json: JsonFlag = False,
 ) -> None:
     """Identify mass, inertia and friction from one or more runs. Exit 1 if the data tell nothing."""
-    settings = load_rig(rig)
+    settings = checked(load_rig(rig), rig)
     loaded = [load_run(path, settings) for path in runs]
     if method in (Method.twin, Method.grid):
         axes = _axes(grid or [])

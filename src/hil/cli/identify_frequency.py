@@ -13,6 +13,7 @@ from rich.table import Table
 
 from hil.cli.console import JsonFlag, out, write_json
 from hil.configfile import load_rig
+from hil.effectlines import checked
 from hil.identify.frequency.agard import AgardAnalysis, agard
 from hil.identify.frequency.agard_steps import acceleration_steps
 from hil.identify.frequency.frf import FrfAnalysis, analyse
@@ -78,7 +79,7 @@ def frf(
 
     Several runs are realisations of one multisine with other phases: nonlinearity is then told from noise.
     """
-    rig_file = load_rig(rig)
+    rig_file = checked(load_rig(rig), rig)
     analysis = analyse(
         [load_run(run, rig_file) for run in runs],
         rig_file,
@@ -111,7 +112,7 @@ def agard_command(
     Each run is a sinusoid (hil experiment RIG heave) or steps of acceleration (hil identify agard-steps) of
     one coordinate. Without runs: the rig's excursion limits.
     """
-    rig_file = load_rig(rig)
+    rig_file = checked(load_rig(rig), rig)
     analysis = agard([load_run(run, rig_file) for run in runs or []], rig_file)
     if report is not None:
         agard_page(analysis, report)
@@ -132,7 +133,7 @@ def agard_steps(
     repeats: Annotated[int, typer.Option("--repeats", min=2, max=100)] = 4,
 ) -> None:
     """Write the motion for the dynamic threshold; play it with `hil experiment RIG custom --file OUT.csv`."""
-    rig_file = load_rig(rig)
+    rig_file = checked(load_rig(rig), rig)
     if coordinate not in rig_file.coordinates:
         raise typer.BadParameter(f"{rig_file.name} has {', '.join(rig_file.coordinates)}")
     try:

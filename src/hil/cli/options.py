@@ -12,6 +12,7 @@ from hil.config import RigFile
 from hil.configfile import find_rig_file, load_rig, parse_settings, rig_toml
 from hil.drivefiles import load_profiles
 from hil.drives.profiles import DriveProfile
+from hil.effectlines import checked
 
 
 class ModeName(StrEnum):
@@ -58,7 +59,7 @@ def rig_with(
 
     `patient` is for simulated rigs in real time: silence up to `PATIENCE_S` is no fault.
     """
-    rig = load_rig(name)
+    rig = checked(load_rig(name), name)
     tables: dict[str, Any] = rig.model_dump()
     if can is not None:
         put_buses(tables["can"], can)

@@ -20,6 +20,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from hil import __version__
+from hil.effectlines import effect_names
 from hil.errors import ConfigError, HilError, RunError
 from hil.exam.case import ANSWER, Case, case_folders, load_case, read_answer, seals_of
 
@@ -114,7 +115,8 @@ def _answered(case: Case, sitting: Sitting, without: Sequence[str]) -> dict[str,
         return sit_baseline(sitting.baseline, case, answer)
     from hil.gap.bicycle import diagnose_any
 
-    found = diagnose_any(case.runs, case.rig, references=case.references, without=without)
+    known = [e for e in effect_names(case.rig) if e in without]  # others it could not name anyway
+    found = diagnose_any(case.runs, case.rig, references=case.references, without=known)
     return dict(found.tables())
 
 

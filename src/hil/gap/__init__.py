@@ -3,11 +3,11 @@
 `locate` answers that; `Problem`, `NoiseModel` and `refit` are what it and everything after it stand on.
 """
 
+from hil.gap.bicycle.either import diagnose_any as diagnose
+from hil.gap.bicycle.either import locate_any as locate
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
-from hil.gap.diagnose import diagnose
 from hil.gap.floor.noise import NoiseModel, find_noise
 from hil.gap.judged.diagnosis import Cause, Diagnosis
-from hil.gap.located.locate import locate
 from hil.gap.located.residual import Refit, refit
 from hil.gap.located.result import Located, Place, SignalGap
 from hil.gap.located.sanity import Finding

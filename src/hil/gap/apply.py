@@ -7,6 +7,7 @@ in its place: the twin that was fitted had the file's own effects in it, so what
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -15,11 +16,15 @@ import tomlkit
 
 from hil.config import AnyRig
 from hil.configfile import parse_any_rig
+from hil.effectlines import check_effects
 from hil.errors import ConfigError
 
 FORMAT: Final = "hil-diagnosis/1"
 PICKABLE: Final = 0.001
 """Probability from which on a cause is offered."""
+
+_CHANGED: Final = r"; \w+ was "
+"""Begins, in a provenance, what stood there before."""
 
 Answer = Mapping[str, Any]
 
@@ -40,7 +45,7 @@ def applied_text(
         _write(doc, cause, *_provenance(answer, cause, when, source))
     new = tomlkit.dumps(doc)
     checked = parse_any_rig(tomllib.loads(new), f"{rig.name} with what was diagnosed")
-    _check(checked)
+    check_effects(checked, f"{rig.name} with what was diagnosed")
     return new
 
 
@@ -115,22 +120,12 @@ def _write(doc: Any, cause: Answer, source: str, comments: Sequence[str]) -> Non
         doc.add(tomlkit.nl())
         lines = doc["effects"] = tomlkit.aot()
     note = "; ".join(comments)
-    mine = [
-        x for x in lines if x["effect"] == cause["effect"] and x["location"] == cause["location"]
-    ]
-    for name in list(values):
-        line = next((x for x in mine if name in x["parameters"]), None)
-        if line is None:
-            continue
-        before = line["parameters"][name]
-        line["parameters"][name] = values.pop(name)
-        line["provenance"] = (
-            f"{source}; {name} was {float(before):.6g}: {line.get('provenance', '')}"
-        )
-    if mine and values:
-        for name, value in values.items():
-            mine[0]["parameters"][name] = value
-        mine[0]["provenance"] = source
+    line = next(
+        (x for x in lines if x["effect"] == cause["effect"] and x["location"] == cause["location"]),
+        None,
+    )
+    if line is not None:
+        _replace(line, values, source)
     elif values:
         inline = not isinstance(lines, tomlkit.items.AoT)
         line = tomlkit.inline_table() if inline else tomlkit.table()
@@ -145,16 +140,18 @@ def _write(doc: Any, cause: Answer, source: str, comments: Sequence[str]) -> Non
         lines.append(line)
 
 
+def _replace(line: Any, values: Mapping[str, float], source: str) -> None:
+    """Put `values` in the place of a line's own; its provenance says what they were, one step back."""
+    before = {name: float(x) for name, x in line["parameters"].items() if name in values}
+    changed = [f"{name} was {x:.6g}" for name, x in before.items() if x != values[name]]
+    own = re.split(_CHANGED, line.get("provenance", ""), maxsplit=1)[0]
+    line["parameters"].update(values)
+    line["provenance"] = f"{source}; {', '.join(changed)}: {own}" if changed else source
+
+
 def _rounded(value: float, ci: Sequence[float]) -> float:
     """To a hundredth of the interval: more digits would be noise."""
     width = abs(float(ci[1]) - float(ci[0]))
     if not (width > 0.0 and math.isfinite(width) and math.isfinite(value)):
         return float(value)
     return float(round(value, 2 - math.floor(math.log10(width))))
-
-
-def _check(rig: AnyRig) -> None:
-    """The model takes the effects: names, bounds, nothing twice."""
-    from hil.sim.parameters import ParameterTable  # loads the catalogue only where it is needed
-
-    ParameterTable(rig).from_effects(rig.effects)

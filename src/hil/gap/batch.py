@@ -1,8 +1,9 @@
 """Many diagnoses: local processes or a dask.distributed cluster, finished ones never done again.
 
 A job is the runs that are diagnosed together. Its answer is a file `<name>.json`, written whole or not at
-all, which is what makes a batch resumable: interrupt it and start it again. A job that fails says so in
-`<name>.error.txt` and is tried again by the next start.
+all, which is what makes a batch resumable: interrupt it and start it again. The answer keeps what it was made
+of (`made_of`), and counts only for the same rig file, runs, references, effects and seed. A job that fails
+says so in `<name>.error.txt` and is tried again by the next start.
 """
 
 from __future__ import annotations
@@ -13,20 +14,28 @@ import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+import msgspec
 
 from hil.configfile import load_any_rig
+from hil.effectlines import checked
 from hil.errors import ConfigError, HilError, RunError
 from hil.gap.bicycle import diagnose_any
+from hil.gap.record.inputs import differing, inputs_of
 from hil.runs import load_run
 from hil.runs.folder import RUN_TOML, read_meta
 
 OnDone = Callable[[str, str], None]
 
+FAILED: Final = "failed: "
 CONNECT_S = 10.0
 """How long a scheduler is waited for."""
+MADE_OF: Final = "made_of"
+"""Key of an answer under which stands what it was made of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +61,10 @@ class Job:
     def failure(self) -> Path:
         """Where it is kept why there is none."""
         return Path(self.out) / f"{self.name}.error.txt"
+
+    def inputs(self) -> dict[str, Any]:
+        """What its answer is made of; HilError where a file cannot be read."""
+        return inputs_of(self.rig, self.runs, self.references, self.without, self.seed)
 
 
 def find_jobs(
@@ -95,40 +108,90 @@ def find_jobs(
     return jobs
 
 
+def open_jobs(jobs: Sequence[Job]) -> dict[Job, str]:
+    """The jobs that have no answer, or one of something else; with why that no longer counts, or ""."""
+    why = {job: _why_open(job) for job in jobs}
+    return {job: text for job, text in why.items() if text is not None}
+
+
+def _why_open(job: Job) -> str | None:
+    """None where the answer that is kept is made of what the job is made of now."""
+    said = _kept(job)
+    if said is None:
+        return ""
+    if MADE_OF not in said:
+        return "the answer there does not say what it was made of"
+    with suppress(HilError):  # what cannot be read fails as the job, with its reason
+        changed = differing(said[MADE_OF], job.inputs())
+        return f"{', '.join(changed)} changed since" if changed else None
+    return ""
+
+
+def _kept(job: Job) -> dict[str, Any] | None:
+    """The answer in the job's file; None where there is none that can be read."""
+    try:
+        said = json.loads(job.answer.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return said if isinstance(said, dict) else None
+
+
 def run_jobs(
     jobs: Sequence[Job], on_done: OnDone, *, workers: int = 1, scheduler: str | None = None
-) -> None:
-    """Do the jobs that have no answer yet; `on_done` is told name and verdict (or "failed: why") of each.
+) -> int:
+    """Do `jobs` (see `open_jobs`); `on_done` is told name and verdict (or "failed: why") of each.
 
-    `scheduler`: address of a dask.distributed scheduler; its workers must see the same files. ConfigError
-    where it cannot be reached or distributed is not installed.
+    Returns how many failed. `scheduler`: address of a dask.distributed scheduler; its workers must see the
+    same files. ConfigError where it cannot be reached, distributed is not installed, or the folder of the
+    answers cannot be written.
     """
-    todo = [j for j in jobs if not j.answer.is_file()]
-    if todo:
-        Path(todo[0].out).mkdir(parents=True, exist_ok=True)
+    for folder in {Path(job.out) for job in jobs}:
+        _make_writable(folder)
     if scheduler is not None:
-        done = _on_cluster(todo, scheduler)
-    elif workers > 1 and len(todo) > 1:
-        done = _in_processes(todo, workers)
+        done = _on_cluster(jobs, scheduler)
+    elif workers > 1 and len(jobs) > 1:
+        done = _in_processes(jobs, workers)
     else:
-        done = ((j.name, do_job(j)) for j in todo)
-    for name, text in done:
-        on_done(name, text)
+        done = ((j, do_job(j)) for j in jobs)
+    failed = 0
+    for job, text in done:
+        failed += text.startswith(FAILED)
+        on_done(job.name, text)
+    return failed
+
+
+def _make_writable(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise ConfigError(f"{folder}: is no folder for answers, but a file or in one") from error
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be made: {error.strerror}") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ConfigError(f"{folder}: answers cannot be written there: permission denied")
 
 
 def do_job(job: Job) -> str:
     """Diagnose one job and keep the answer; returns the verdict, or "failed: why"."""
     try:
-        rig = load_any_rig(job.rig)
+        made_of = job.inputs()
+        rig = checked(load_any_rig(job.rig), job.rig)
         runs = [load_run(Path(p), rig) for p in job.runs]
         healthy = [load_run(Path(p), rig) for p in job.references]
         found = diagnose_any(runs, rig, references=healthy, without=job.without, seed=job.seed)
-    except (HilError, ArithmeticError, ValueError, LookupError) as error:
-        _keep(job.failure, f"{type(error).__name__}: {error}\n".encode())
-        return f"failed: {error}"
-    _keep(job.answer, found.to_json() + b"\n")
+        said = msgspec.json.encode({**found.tables(), MADE_OF: made_of})
+        _keep(job.answer, msgspec.json.format(said, indent=2) + b"\n")
+    except (HilError, ArithmeticError, ValueError, LookupError, OSError) as error:
+        return _failed(job, error)
     job.failure.unlink(missing_ok=True)
     return found.verdict
+
+
+def _failed(job: Job, error: BaseException) -> str:
+    """Keep why a job failed, and say it."""
+    with suppress(OSError):  # a full disk: then it is only said
+        _keep(job.failure, f"{type(error).__name__}: {error}\n".encode())
+    return f"{FAILED}{error}"
 
 
 def summary(jobs: Sequence[Job]) -> list[dict[str, Any]]:
@@ -137,8 +200,8 @@ def summary(jobs: Sequence[Job]) -> list[dict[str, Any]]:
     for job in jobs:
         row: dict[str, Any] = {"name": job.name, "verdict": "open", "effects": "", "probability": None,
                                "shrink": None}  # fmt: skip
-        if job.answer.is_file():
-            said = json.loads(job.answer.read_text(encoding="utf-8"))
+        said = _kept(job)
+        if said is not None and _why_open(job) is None:
             row["verdict"] = said["verdict"]
             row["effects"] = " + ".join(f"{e['location']}.{e['effect']}" for e in said["effects"])
             row["probability"] = min((e["probability"] for e in said["effects"]), default=None)
@@ -161,21 +224,22 @@ def _keep(path: Path, data: bytes) -> None:
     fresh.replace(path)
 
 
-def _in_processes(jobs: Sequence[Job], workers: int) -> Iterator[tuple[str, str]]:
+def _in_processes(jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, str]]:
     pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
     under_way: dict[Future[str], Job] = {pool.submit(do_job, j): j for j in jobs}
     try:
         for future in as_completed(under_way):
             job = under_way[future]
             try:
-                yield job.name, future.result()
+                yield job, future.result()
             except BrokenProcessPool:
-                yield job.name, "failed: its process died; start the batch again"
+                died = RunError("its process died; start the batch again")
+                yield job, _failed(job, died)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Iterator[tuple[str, str]]:
+def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Iterator[tuple[Job, str]]:
     try:
         from distributed import Client
         from distributed import as_completed as completed
@@ -189,4 +253,5 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Iterator[tuple[str, str]
         under_way = {client.submit(do_job, j, pure=False): j for j in jobs}
         for future in completed(list(under_way)):  # type: ignore[no-untyped-call]
             fault = future.exception()
-            yield under_way[future].name, future.result() if fault is None else f"failed: {fault}"
+            job = under_way[future]
+            yield job, future.result() if fault is None else _failed(job, fault)

@@ -35,6 +35,10 @@ SPEED_LOW_PASS_HZ: Final = 1.0
 """A speed is smoothed so before it is differentiated, unless its channel says otherwise: wheel
 sensors step, and a step of speed is a spike of acceleration."""
 
+SLOWEST_S: Final = 2.0
+QUICKEST_S: Final = 5e-5
+"""Rows further apart or nearer are no ride: their time is in another unit. A GPS has one a second."""
+
 
 @dataclass(frozen=True, slots=True)
 class ImportedCue:
@@ -64,7 +68,12 @@ def cue_from_log(
     parts: list[CueTrajectory] = []
     for c in cue_map.channel:
         source = CueTrajectory((c.column,), t, _column(log, c.column, path)[:, None] * c.factor)
-        moved, what = _moved(_even(source), c)
+        try:
+            moved, what = _moved(_even(source), c)
+        except RunError as error:
+            time = cue_map.time
+            hint = f"; is its time, {time.column}, really in {time.unit}?" if time else ""
+            raise RunError(f"{path}: column {c.column}: {error}{hint}") from error
         parts.append(moved)
         notes.append(f"{c.coordinate}: {c.column} in {c.unit} times {c.scale:g}, {what}")
     poses = np.zeros((len(parts[0].t_s), len(rig.coordinates)))
@@ -101,6 +110,7 @@ def _time(log: pd.DataFrame, cue_map: CueMap, path: Path, rate_hz: float | None)
     if cue_map.time is not None:
         t = _column(log, cue_map.time.column, path) * TIME_UNITS[cue_map.time.unit]
         check_increasing(t, f"{path}: column {cue_map.time.column}", "row", strictly=True)
+        _check_time(t, f"{path}: column {cue_map.time.column}", cue_map.time.unit)
         return np.asarray(t - t[0])
     rate = rate_hz or cue_map.rate_hz
     if rate is None:
@@ -108,6 +118,16 @@ def _time(log: pd.DataFrame, cue_map: CueMap, path: Path, rate_hz: float | None)
             f"{path}: say when its rows were taken: a time column (t=COLUMN:s in the map) or a rate"
         )
     return np.arange(len(log)) / rate
+
+
+def _check_time(t: Array, where: str, unit: str) -> None:
+    """RunError where the rows are so far apart, or so near, that the unit of time must be another."""
+    step = float(np.median(np.diff(t)))
+    if not QUICKEST_S <= step <= SLOWEST_S:
+        other = "ms or finer" if step > SLOWEST_S else "coarser"
+        raise RunError(
+            f"{where}: a row each {step:.3g} s is no ride: the map says {unit}, is its unit {other}?"
+        )
 
 
 def _column(log: pd.DataFrame, name: str, path: Path) -> Array:

@@ -60,12 +60,13 @@ class Run:
         return float(t.iloc[-1] - t.iloc[0])
 
 
-def load_run(path: Path, rig: AnyRig | None = None) -> Run:
+def load_run(path: str | Path, rig: AnyRig | None = None) -> Run:
     """Read the run at `path`: a run folder, or a recording.mcap.
 
     `rig`: the rig file to hold the run against, instead of the one kept with it. RunError where
     nothing can be read, or it is no run of this rig.
     """
+    path = Path(path)
     if path.is_dir():
         return _load_folder(path, rig)
     if not path.exists():

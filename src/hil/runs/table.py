@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from hil.config import AnyRig, BicycleFile
+from hil.config import AnyRig, AxisGeometry, BicycleFile, RigFile
 from hil.config.bicycle import SIGNALS as BICYCLE_SIGNALS
 from hil.config.rig import COORDINATES_OF
 from hil.errors import RunError
@@ -31,6 +31,10 @@ ACTUATOR_QUANTITIES: Final = (
 
 _ANY_COORDINATE: Final = tuple(dict.fromkeys(c for names in COORDINATES_OF.values() for c in names))
 _ANY_ACTUATOR: Final = re.compile(rf"[a-z][a-z0-9_]*\.({'|'.join(ACTUATOR_QUANTITIES)})")
+
+_LENGTHS: Final = (("millimetres", 1e-3), ("micrometres", 1e-6))
+_ANGLES: Final = (("degrees", np.pi / 180.0), ("milliradians", 1e-3))
+"""Units that positions come in instead of SI's, and factors to that."""
 
 
 class TableBuilder:
@@ -154,7 +158,14 @@ def _all_numbers(table: pd.DataFrame, names: list[str], source: str) -> dict[str
 
 
 def finite_numbers(column: pd.Series, source: str, name: str) -> np.ndarray:
-    """`column` as float64, NaN where empty; RunError where a cell is no finite number."""
+    """`column` as float64, NaN where empty; RunError where a cell is no finite number, or a date."""
+    if column.dtype.kind in "mM" or isinstance(column.dtype, pd.DatetimeTZDtype):
+        is_span = column.dtype.kind == "m"
+        since = "x" if is_span else "(x - x.iloc[0])"
+        raise RunError(
+            f"{source}: column {name}: holds {column.dtype}, not numbers: convert it to seconds: with x the "
+            f"column, {since}.dt.total_seconds()"
+        )
     values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
     wrong = np.flatnonzero((np.isnan(values) & column.notna().to_numpy()) | np.isinf(values))
     if wrong.size:
@@ -179,14 +190,21 @@ def _check_units(name: str, values: np.ndarray, source: str, rig: AnyRig) -> Non
     outside = (there < low - span) | (there > high + span)
     if outside.mean() <= 0.5:
         return
-    middle = float(np.median(there))
-    in_mm = low - span <= middle / 1000.0 <= high + span
-    guess = "; are these millimetres?" if in_mm else ""
+    worst = float(there[np.argmax(np.abs(there - 0.5 * (low + high)))])
+    unit, others = ("rad", _ANGLES) if _is_rotary(rig) else ("m", _LENGTHS)
+    guess = next(
+        (f": are these {word}?" for word, f in others if low - span <= f * worst <= high + span),
+        "",
+    )
     row = int(np.flatnonzero(~np.isnan(values))[np.flatnonzero(outside)[0]]) + 1
     raise RunError(
-        f"{source}: column {name}, from row {row}: values around {middle:.4g} lie far outside the "
-        f"stroke {low}..{high} of the rig {rig.name!r}: wrong unit or wrong rig file{guess}"
+        f"{source}: column {name}, from row {row}: most values, up to {worst:.4g}, lie far outside the "
+        f"stroke {low}..{high} {unit} of the rig {rig.name!r}: wrong unit or wrong rig file{guess}"
     )
+
+
+def _is_rotary(rig: RigFile) -> bool:
+    return isinstance(rig.geometry, AxisGeometry) and rig.geometry.load == "pendulum"
 
 
 def _check_angles(name: str, values: np.ndarray, source: str) -> None:

@@ -116,20 +116,27 @@ def check_sizes(signals: dict[str, Signal], rig: RigFile | None, source: str) ->
         actuator = rig.actuators[rig.actuator_names.index(group)]
         stroke = actuator.stroke[1] - actuator.stroke[0]
         span = float(np.ptp(signal.samples()[1]))
+        unit, asked = signal.unit, f"is the map's unit, {signal.given}, right?"
         if quantity in ("position", "setpoint") and 0.0 < span < stroke / 500.0:
             say(
                 name,
-                f"moves over {span:.3g} of a stroke of {stroke:g}: is the unit {signal.unit} right?",
+                f"moves over {span:.3g} {unit} of a stroke of {stroke:g} {unit}: {asked}",
             )
         if quantity in ("force", "force_setpoint"):
             limit = actuator.force_max
             if size > 1.2 * limit:
-                say(name, f"up to {size:.4g}, the drive's largest is {limit:g}: is the unit right?")
+                say(
+                    name,
+                    f"up to {size:.4g} {unit}, the drive's largest is {limit:g} {unit}: {asked}",
+                )
             elif 0.0 < size < limit / 500.0:
-                say(name, f"at most {size:.3g} of {limit:g}: are these kN, volts or amperes?")
+                text = f"at most {size:.3g} {unit} of {limit:g} {unit}: {asked}"
+                say(name, f"{text} are these kN, volts or amperes?")
         if quantity == "velocity" and size > 3.0 * actuator.velocity_max:
             fastest = actuator.velocity_max
-            say(name, f"up to {size:.4g}, the drive's fastest is {fastest:g}: is the unit right?")
+            say(
+                name, f"up to {size:.4g} {unit}, the drive's fastest is {fastest:g} {unit}: {asked}"
+            )
     axes = [signals.get(f"imu.accel_{a}") for a in "xyz"]
     if all(axes) and len({id(a.line) for a in axes if a}) == 1:
         norm = np.sqrt(sum(a.values**2 for a in axes if a))

@@ -91,6 +91,18 @@ def _snapped(t: Array, rate: float, where: str, row_word: str) -> Array:
     return np.asarray(counts / rate)
 
 
+def usual_step_s(line: Timeline) -> float:
+    """Median of the steps from one instant to the next."""
+    steps = np.diff(line.t_s)
+    moving = steps[steps > 0.0]
+    return float(np.median(moving)) if moving.size else 0.0
+
+
+def is_of_motion(step_s: float) -> bool:
+    """Whether a log of a rig's motion may have a sample each `step_s`."""
+    return FASTEST_S <= step_s <= SLOWEST_S
+
+
 def check_clock(line: Timeline) -> list[Finding]:
     """Duplicate stamps, jitter, gaps, and a unit that cannot be."""
     steps = np.diff(line.t_s)
@@ -107,8 +119,8 @@ def check_clock(line: Timeline) -> list[Finding]:
             )
         )  # fmt: skip
     moving = steps[steps > 0.0]
-    usual = float(np.median(moving)) if moving.size else 0.0
-    if not SLOWEST_S >= usual >= FASTEST_S:
+    usual = usual_step_s(line)
+    if not is_of_motion(usual):
         unit = "ms or finer" if usual > SLOWEST_S else "coarser"
         found.append(
             Finding(

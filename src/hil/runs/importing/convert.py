@@ -24,6 +24,9 @@ class Signal:
     name: str
     column: str
     unit: str
+    """SI."""
+    given: str
+    """The unit that the map says."""
     line: Timeline
     values: Array
 
@@ -76,7 +79,7 @@ class Converter:
         lost = np.flatnonzero(unstamped & ~np.isnan(value))
         if lost.size:
             raise RunError(f"{line.where}, row {int(lost[0]) + 1}: is empty")
-        return Signal(name, mapped.column, SI[kind], line, value[line.rows])
+        return Signal(name, mapped.column, SI[kind], mapped.unit, line, value[line.rows])
 
     def _term(self, term: Term, length: int, group: str) -> Array:
         value = term.scale * (self._factor(term.column, length, group) - term.zero)

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.ndimage
 import scipy.signal
 
+from hil.runs.importing.clocks import is_of_motion, usual_step_s
 from hil.runs.importing.convert import Signal
 from hil.runs.importing.findings import Finding
 from hil.runs.importing.source import Array
@@ -16,6 +17,8 @@ LAG_MAX_S: Final = 0.5
 SAMPLES_MAX: Final = 400_000
 SMOOTHED_S: Final = 0.1
 """Rates are means over so long: noise and steps of the setpoint say less about delay than the motion."""
+EARLY: Final = 0.5
+"""Steps before its setpoint from which on an answer is too early: less is how well the delay is known."""
 LIKE: Final = 0.5
 """Correlations of less say nothing about sign and delay."""
 
@@ -76,7 +79,8 @@ def _following(setpoint: Signal, position: Signal, source: str) -> Finding:
     while 0 < best < len(c) - 1 and max(size[best - 1], size[best + 1]) > size[best]:
         best += 1 if size[best + 1] > size[best - 1] else -1
     delay = (lags[best] + _part_of_step(rates[0], rates[1], int(lags[best]))) * step
-    said = f"{delay * 1e3:.2f} ms behind its setpoint (correlation of the rates {c[best]:.3f})"
+    side = "before" if delay < 0.0 else "behind"
+    said = f"{abs(delay) * 1e3:.5g} ms {side} its setpoint (correlation of the rates {c[best]:.3f})"
     where = f"{source}: column {position.column}"
     if c[best] < -LIKE:
         text = f"{where}: runs against its setpoint {setpoint.column}: give one of them sign = -1"
@@ -84,8 +88,18 @@ def _following(setpoint: Signal, position: Signal, source: str) -> Finding:
     if c[best] < LIKE:
         text = f"{where}: is not like its setpoint {setpoint.column}, {said}: is it another axis?"
         return Finding("delay", name, "warning", text)
-    if delay < -1.5 * step:
-        text = f"{where}: {said}: an answer before its question; are the stamps of one clock?"
+    if abs(delay) > LAG_MAX_S or not all(
+        is_of_motion(usual_step_s(s.line)) for s in (setpoint, position)
+    ):
+        text = (
+            f"{where}: {said}: no drive follows so: is the unit of time the one that the map says?"
+        )
+        return Finding("delay", name, "warning", text)
+    if delay < -EARLY * step:
+        text = (
+            f"{where}: {said}: an answer before its question: is {setpoint.column} really the setpoint, and "
+            "are the stamps of one clock, in the unit of time that the map says?"
+        )
         return Finding("delay", name, "warning", text)
     return Finding("delay", name, "ok", said)
 

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from hil.errors import RunError
 from hil.runs.importing.mapfile import FileSettings
-from hil.runs.importing.source import Column, Stamps, no_such
+from hil.runs.importing.source import Array, Column, Stamps, no_such
 from hil.runs.table import finite_numbers
 
 _OPENERS: Final[dict[str, Callable[..., Any]]] = {
@@ -25,6 +25,9 @@ _OPENERS: Final[dict[str, Callable[..., Any]]] = {
     ".xz": lzma.open,
 }
 _SEPARATORS: Final = (",", ";", "\t", "|")
+
+
+_DECIMAL_COMMA: Final = r"\s*[-+]?\d+,\d+\s*"
 
 
 class TableSource:
@@ -39,7 +42,7 @@ class TableSource:
 
     def column(self, name: str) -> Column:
         """The column `name`; RunError where it is not there, or a cell is no number."""
-        return Column(finite_numbers(self._series(name), str(self.path), name))
+        return Column(self._numbers(name))
 
     def stamps(self, name: str | None, group: str, *, dates: bool) -> Stamps:
         """The time column as it stands there: integers stay integers, dates stay dates."""
@@ -55,7 +58,17 @@ class TableSource:
             return series.to_numpy(dtype=np.int64)
         if dates:
             return self._dates(series, name)
-        return finite_numbers(series, str(self.path), name)
+        return self._numbers(name)
+
+    def _numbers(self, name: str) -> Array:
+        series = self._series(name)
+        try:
+            return finite_numbers(series, str(self.path), name)
+        except RunError as error:
+            if series.astype(str).str.fullmatch(_DECIMAL_COMMA).any():
+                hint = 'are its decimal signs commas? say decimal = "," under [file] of the map'
+                raise RunError(f"{error}: {hint}") from error
+            raise
 
     def _dates(self, series: pd.Series[Any], name: str) -> Stamps:
         parsed = pd.to_datetime(series, errors="coerce", utc=True, format="ISO8601")
