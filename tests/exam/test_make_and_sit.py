@@ -6,6 +6,7 @@ import json
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -173,6 +174,21 @@ def test_a_case_that_fails_or_takes_too_long_is_kept_as_an_error(
     (broken / "rig.toml").write_text("name = 3")
     sit_case(broken, _seat(exam, tmp_path, baseline="random"))
     assert "ConfigError" in json.loads((tmp_path / "bad.json").read_text())["error"]
+
+
+def test_withheld_effects_that_a_cases_rig_has_not_do_not_fail_it(
+    exam: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    withheld = []
+
+    def diagnose(*runs: Any, without: list[str], **how: Any) -> Any:
+        withheld.extend(without)
+        return SimpleNamespace(tables=lambda: {"verdict": "no_gap"})
+
+    monkeypatch.setattr("hil.gap.bicycle.diagnose_any", diagnose)
+    sitting = Sitting(tmp_path, without=("wheel_slip", "backlash"))
+    assert sit_case(case_folders(exam)[0], sitting).startswith("no_gap")
+    assert withheld == ["backlash"]
 
 
 def test_folders_without_cases_or_answers_are_named(tmp_path: Path) -> None:
