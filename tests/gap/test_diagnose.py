@@ -105,6 +105,17 @@ def test_the_page_is_whole_in_itself_and_says_what_was_found(friction, tmp_path)
     assert "<script src=" not in page
 
 
+def test_the_page_gives_what_has_a_dimension_its_unit_and_nothing_else(friction, tmp_path):
+    (cause,) = friction.effects
+    scale = replace(cause.parameters["force"], value=1.4, ci=(1.3, 1.5), unit="1")
+    scaled = replace(cause, parameters={"scale": scale})
+    found = replace(friction, causes=(scaled,), effects=(scaled,))
+    page = diagnosis_page(found, tmp_path / "page.html").read_text()
+    assert "scale 1.4 (1.3 … 1.5)</td>" in page
+    (force,) = [s for s in friction.located.signals if s.signal == "axis.force"]
+    assert f"{force.noise_floor:.3g} N</td>" in page
+
+
 def test_wrong_units_are_refused_and_the_signal_is_named(healthy):
     frame = healthy.assign(**{"axis.position": 1000.0 * healthy["axis.position"]})
     with pytest.raises(RunError, match=r"axis\.position.*millimetres"):

@@ -16,7 +16,7 @@ from hil.gap.iso18571 import rate
 from hil.ui.diagnosis_data import Curves, curves, worst
 from hil.ui.diagnosis_figures import evidence_figure, signal_figure, state_figure
 from hil.ui.gap_figures import map_figure
-from hil.ui.page import page
+from hil.ui.page import page, table, with_unit
 
 SHOWN: Final = 3
 """Signals shown over time."""
@@ -133,7 +133,8 @@ def _causes(found: Diagnosis) -> str:
     rows = []
     for c in found.causes:
         values = "<br>".join(
-            f"{escape(name)} {p.value:.4g} ({p.ci[0]:.4g} … {p.ci[1]:.4g}) {escape(p.unit)}"
+            f"{escape(name)} "
+            + escape(with_unit(f"{p.value:.4g} ({p.ci[0]:.4g} … {p.ci[1]:.4g})", p.unit))
             + (" <b>at its bound</b>" if p.at_bound else "")
             for name, p in c.parameters.items()
         )
@@ -144,7 +145,7 @@ def _causes(found: Diagnosis) -> str:
              f"{c.gain:.0f}")
         )  # fmt: skip
     heads = ("cause", "probability", "class", "parameters", "shrink", "gain, nats")
-    return _table(heads, rows, numbers=(1, 2, 4, 5))
+    return table(heads, rows, numbers=(1, 2, 4, 5))
 
 
 def _limits(found: Diagnosis) -> str:
@@ -173,14 +174,15 @@ def _signals(found: Diagnosis, all_curves: Sequence[Curves]) -> str:
     rows = []
     for s in found.located.signals:
         after = gap[s.signal].get("after")
+        unit = escape(s.unit)
         rows.append(
-            (escape(s.signal), f"{s.before:.3g} {escape(s.unit)}",
-             "" if after is None else f"{after:.3g}", f"{s.noise_floor:.3g}", f"{s.ratio:.2f}",
+            (escape(s.signal), f"{s.before:.3g} {unit}",
+             "" if after is None else f"{after:.3g} {unit}", f"{s.noise_floor:.3g} {unit}", f"{s.ratio:.2f}",
              f"{100.0 * s.share:.0f} %", *_ratings(all_curves, s.signal))
         )  # fmt: skip
     heads = ("signal", "off before (rms)", "after", "floor", "times", "share of gap",
              "ISO/TS 18571 before", "after: corridor, phase, magnitude, slope")  # fmt: skip
-    return _table(heads, rows, numbers=(1, 2, 3, 4, 5, 6))
+    return table(heads, rows, numbers=(1, 2, 3, 4, 5, 6))
 
 
 def _ratings(all_curves: Sequence[Curves], signal: str) -> tuple[str, str]:
@@ -201,11 +203,11 @@ def _ratings(all_curves: Sequence[Curves], signal: str) -> tuple[str, str]:
 
 def _nuisances(found: Diagnosis) -> str:
     rows = [
-        (escape(n.name), f"{n.change:+.3g} ± {n.sd:.1g} {escape(n.unit)}", f"± {n.prior_sd:.2g}",
+        (escape(n.name), escape(with_unit(f"{n.change:+.3g} ± {n.sd:.1g}", n.unit)), f"± {n.prior_sd:.2g}",
          "<b>at its bound</b>" if n.at_bound else "")
         for n in found.located.nuisances
     ]  # fmt: skip
-    return _table(("parameter", "off the rig file by", "expected", ""), rows, numbers=(1, 2))
+    return table(("parameter", "off the rig file by", "expected", ""), rows, numbers=(1, 2))
 
 
 def _method(found: Diagnosis) -> str:
@@ -227,21 +229,10 @@ def _method(found: Diagnosis) -> str:
     )
 
 
-def _pairs(table: dict[str, Any]) -> str:
-    rows = [(escape(str(k)), escape(str(v))) for k, v in table.items()]
-    return _table(("", ""), rows)
+def _pairs(proposal: dict[str, Any]) -> str:
+    rows = [(escape(str(k)), escape(str(v))) for k, v in proposal.items()]
+    return table(("", ""), rows)
 
 
 def _list(items: Iterable[str]) -> str:
     return "<ul>" + "".join(f"<li>{item}</li>" for item in items) + "</ul>"
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    def row(cells: Sequence[str], tag: str) -> str:
-        return "".join(
-            f'<{tag} class="n">{x}</{tag}>' if k in numbers else f"<{tag}>{x}</{tag}>"
-            for k, x in enumerate(cells)
-        )
-
-    body = "".join(f"<tr>{row(r, 'td')}</tr>" for r in rows)
-    return f"<table><tr>{row(heads, 'th')}</tr>{body}</table>"

@@ -9,7 +9,7 @@ from typing import Final
 
 from hil.gap import Located
 from hil.ui.gap_figures import map_figure, signal_figure, state_figure, time_figure
-from hil.ui.page import embedded, write_page
+from hil.ui.page import embedded, with_unit, write_page
 
 STRONGEST: Final = 3
 """Signals shown band by region."""
@@ -92,8 +92,8 @@ def _signals(found: Located) -> str:
     rows = "".join(
         f"<tr><td>{escape(s.signal)}</td>"
         f'<td class="n">{s.before:.3g} {escape(s.unit)}</td>'
-        f'<td class="n">{s.before_ci[0]:.3g} … {s.before_ci[1]:.3g}</td>'
-        f'<td class="n">{s.noise_floor:.3g}</td><td class="n">{s.ratio:.2f}</td></tr>'
+        f'<td class="n">{s.before_ci[0]:.3g} … {s.before_ci[1]:.3g} {escape(s.unit)}</td>'
+        f'<td class="n">{s.noise_floor:.3g} {escape(s.unit)}</td><td class="n">{s.ratio:.2f}</td></tr>'
         for s in found.signals
     )
     head = (
@@ -122,7 +122,7 @@ def _state(found: Located) -> str:
 def _nuisances(found: Located) -> str:
     rows = "".join(
         f"<tr><td>{escape(n.name)}</td>"
-        f'<td class="n">{n.change:+.3g} ± {n.sd:.1g} {escape(n.unit)}</td>'
+        f'<td class="n">{escape(with_unit(f"{n.change:+.3g} ± {n.sd:.1g}", n.unit))}</td>'
         f'<td class="n">± {n.prior_sd:.2g}</td><td>{"<b>at its bound</b>" if n.at_bound else ""}</td></tr>'
         for n in found.nuisances
     )
