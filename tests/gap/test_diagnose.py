@@ -21,6 +21,7 @@ from hil.gap.judged.causes import _parameters
 from hil.gap.record.leaf import Leaf
 from hil.rigs import Manipulator
 from hil.sim import Twin
+from hil.ui.diagnosis_data import best_first
 from hil.ui.diagnosis_page import diagnosis_page
 from tests.gap.twin_runs import AXIS, effect, record
 
@@ -114,6 +115,15 @@ def test_the_page_gives_what_has_a_dimension_its_unit_and_nothing_else(friction,
     assert "scale 1.4 (1.3 … 1.5)</td>" in page
     (force,) = [s for s in friction.located.signals if s.signal == "axis.force"]
     assert f"{force.noise_floor:.3g} N</td>" in page
+
+
+def test_causes_of_one_probability_stand_by_what_speaks_for_them(friction):
+    less, more, first = (
+        replace(friction.causes[0], location=name, probability=p, gain=gain)
+        for name, p, gain in (("less", 0.4503, 9.0), ("more", 0.4501, 70.0), ("first", 0.9, 1.0))
+    )
+    shown = best_first(replace(friction, causes=(less, more, first)))
+    assert [c.location for c in shown] == ["first", "more", "less"]
 
 
 def test_wrong_units_are_refused_and_the_signal_is_named(healthy):

@@ -13,7 +13,7 @@ from plotly.graph_objects import Figure
 from hil.errors import IdentificationError
 from hil.gap import Diagnosis
 from hil.gap.iso18571 import rate
-from hil.ui.diagnosis_data import Curves, curves, worst
+from hil.ui.diagnosis_data import Curves, best_first, curves, worst
 from hil.ui.diagnosis_figures import evidence_figure, signal_figure, state_figure
 from hil.ui.gap_figures import map_figure
 from hil.ui.page import page, table, with_unit
@@ -131,7 +131,7 @@ def _findings(found: Diagnosis) -> str:
 
 def _causes(found: Diagnosis) -> str:
     rows = []
-    for c in found.causes:
+    for c in best_first(found):
         values = "<br>".join(
             f"{escape(name)} "
             + escape(with_unit(f"{p.value:.4g} ({p.ci[0]:.4g} … {p.ci[1]:.4g})", p.unit))
