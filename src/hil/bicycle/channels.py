@@ -96,8 +96,8 @@ def _metres(ride: Ride, told: Smooth) -> list[Finding]:
     if abs(factor / g.R - 1.0) > RADIUS:
         return []
     text = (
-        f"looks like metres, not radians: by the turns it is {factor:.2f} of the wheel's angle (the radius is "
-        f"{g.R:.3f} m); divide it by the radius"
+        f"looks like metres, not radians: by the turns it is {factor:.2f} of the wheel's angle (the radius "
+        f"is {g.R:.3f} m); divide it by the radius"
     )
     return [Finding("unit", "rear_wheel", "fault", text)]
 
