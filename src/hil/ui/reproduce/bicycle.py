@@ -123,7 +123,12 @@ def _accelerations(a: Analysis) -> Section:
 
 def _torques(a: Analysis, n: dict[str, Any]) -> Section:
     off = n["drive_torque_off_reduced_inertia_rms"]
-    words = prose.TORQUES.filled(drive=n["drive_torque_rms"], off=off, lean=n["lean_torque_rms"])
+    words = prose.TORQUES.filled(
+        drive=n["drive_torque_rms"],
+        off=off,
+        lean=n["lean_torque_rms"],
+        noise=n["lean_torque_noise_rms"],
+    )
     facts = {"drive_torque_rms": n["drive_torque_rms"], "reduced_inertia_off_rms": off,
              "lean_torque_rms": n["lean_torque_rms"]}  # fmt: skip
     return Section(words, (torque_figure(a),), None, facts)
