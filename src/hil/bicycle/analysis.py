@@ -164,7 +164,7 @@ def analyse(recorded: Ride) -> Analysis:
         pair = np.column_stack([measured[signal], answers[:, k]])
         soft = low_pass(pair, recorded.dt_s, how.cutoff, how.order)
         filtered[signal] = (soft[:, 0], soft[:, 1])
-        compared.append(_compared(signal, True, *soft.T, floor.filtered[signal]))
+        compared.append(_compared(signal, True, soft[:, 0], soft[:, 1], floor.filtered[signal]))
     findings += _lifts(motion)
     drift = find_drift(bicycle, angles, recorded.dt_s, how.cutoff, how.order, motion)
     return Analysis(

@@ -19,6 +19,7 @@ from hil.config.bicycle import SIGNALS
 from hil.rigs.bicycle import Motion, low_pass, pack, smooth
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 SPRUNG: Final = 0.45
 """Of the ride's cutoff, below which fork and tyres are computed: less leaves out what a rider does to them,
@@ -45,7 +46,7 @@ def motion_of(rig: BicycleFile, effects: RideEffects, dt_s: float, angles: Array
 
 
 def expected(
-    rig: BicycleFile, effects: RideEffects, t_s: Array, angles: Array, motion: Motion, rolls: Array
+    rig: BicycleFile, effects: RideEffects, t_s: Array, angles: Array, motion: Motion, rolls: Mask
 ) -> Expected:
     """What noise leaves of the ride `motion`, computed of true `angles` (N, 3) at t_s; `rolls` (N,): samples
     of which the lean torque counts."""
