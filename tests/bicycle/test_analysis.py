@@ -53,6 +53,18 @@ def test_the_imu_agrees_within_its_noise(analysis):
     assert by["imu.accel_z", True].explained > 0.8
 
 
+def test_a_healthy_ride_leaves_what_noise_alone_leaves(analysis):
+    for c in analysis.compared:
+        assert c.rms == pytest.approx(c.floor, rel=0.15), c
+    n = analysis.numbers()
+    assert n["lean_torque_rms"] == pytest.approx(n["lean_torque_noise_rms"], rel=0.15)
+
+
+def test_a_signal_below_its_noise_is_too_quiet_to_judge(analysis):
+    quiet = [c.signal for c in analysis.compared if c.filtered and c.is_quiet]
+    assert quiet == ["imu.accel_y"]
+
+
 def test_a_front_suspension_shows_in_the_pitch_rate_and_soft_tyres_in_the_vertical(analysis):
     """The two gaps of the text."""
     plain = {c.signal: c.rms for c in analysis.compared if c.filtered}

@@ -160,6 +160,19 @@ def test_a_wheel_in_degrees(weaving):
     assert "are these degrees, or counts?" in text
 
 
+@pytest.mark.parametrize("has_imu", [True, False])
+def test_a_wheels_way_in_metres_is_no_angle(weaving, round_trip, has_imu):
+    def spoil(table):
+        imu = [c for c in table.columns if c.startswith("imu.")]
+        table["rear_wheel"] *= weaving.rig.geometry.R
+        return table if has_imu else table.drop(columns=imu)
+
+    for ride in (weaving, round_trip):
+        text = faults(ride, spoil)
+        assert text.startswith("ride: rear_wheel: looks like metres, not radians")
+        assert "the radius is 0.3" in text
+
+
 def test_a_gyroscope_in_degrees_a_second_and_an_accelerometer_in_g(weaving):
     gyro = {f"imu.gyro_{a}": 180.0 / np.pi for a in "xyz"}
     assert "are these degrees per second?" in faults(weaving, changed(**gyro))

@@ -123,6 +123,16 @@ def test_a_steady_turn_is_no_pose_at_rest(round_trip):
         calibrate([run_of(round_trip, moving)], round_trip.rig)
 
 
+def test_a_ride_says_that_it_is_no_pose_and_what_of_it_was_used(round_trip):
+    found = calibrate([run_of(round_trip)], round_trip.rig)
+    used = sum(p.end_s - p.start_s for p in found.poses)
+    (said,) = [n for n in found.notes if n.startswith("warning")]
+    assert "ride is a ride at up to 5.0 m/s and no static pose" in said
+    assert f"only the {used:.1f} s were used" in said
+    still = Still(POSES)
+    assert not any(n.startswith("warning") for n in calibrate([run_of(still)], still.rig).notes)
+
+
 def test_a_first_pose_on_its_side_is_refused(round_trip):
     def on_its_side(table):
         names = {"imu.accel_y": "imu.accel_z", "imu.accel_z": "imu.accel_y"}

@@ -5,6 +5,7 @@ The twin makes the data here, so this shows that the machinery works, not how we
 """
 
 from dataclasses import replace
+from html import escape
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,8 @@ from hil.gap.judged.verdict import not_excited
 from hil.gap.record.leaf import Leaf
 from hil.rigs import Manipulator
 from hil.sim import Twin
+from hil.ui.calibration_table import beside_effects, calibration_table
+from hil.ui.diagnosis_data import best_first
 from hil.ui.diagnosis_page import diagnosis_page
 from tests.gap.twin_runs import AXIS, effect, record
 
@@ -105,6 +108,57 @@ def test_the_page_is_whole_in_itself_and_says_what_was_found(friction, tmp_path)
     ):
         assert words in page
     assert "<script src=" not in page
+
+
+def test_the_page_gives_what_has_a_dimension_its_unit_and_nothing_else(friction, tmp_path):
+    (cause,) = friction.effects
+    scale = replace(cause.parameters["force"], value=1.4, ci=(1.3, 1.5), unit="1")
+    scaled = replace(cause, parameters={"scale": scale})
+    found = replace(friction, causes=(scaled,), effects=(scaled,))
+    page = diagnosis_page(found, tmp_path / "page.html").read_text()
+    assert "scale 1.4 (1.3 … 1.5)</td>" in page
+    (force,) = [s for s in friction.located.signals if s.signal == "axis.force"]
+    assert f"{force.noise_floor:.3g} N</td>" in page
+
+
+def test_the_page_says_which_data_each_of_its_figures_covers(friction, tmp_path):
+    page = diagnosis_page(friction, tmp_path / "page.html").read_text()
+    assert f"on {escape(friction.held_out)} alone, which no fit has seen" in page
+    assert "of the whole record, each signal by itself" in page
+
+
+def test_the_page_lists_the_nuisances_that_there_are(friction, tmp_path):
+    page = diagnosis_page(friction, tmp_path / "page.html").read_text()
+    assert "payload mass, viscous friction, coulomb friction" in page
+    assert "base tilt" not in page
+
+
+def test_a_nuisance_at_its_bound_is_back_beside_the_named_effect(friction):
+    far = [n.name for n in friction.located.nuisances if n.at_bound]
+    beside = beside_effects(friction)
+    assert far
+    assert "axis.coulomb_friction.force" not in beside
+    assert not any(beside[name].at_bound for name in far if name in beside)
+    page = calibration_table(friction.located.nuisances, {}, beside)
+    assert "is the effect" in page
+
+
+def test_the_page_names_the_references_and_what_they_let_expect(friction, tmp_path):
+    page = diagnosis_page(friction, tmp_path / "page.html", ["monday", "friday"]).read_text()
+    assert "what has changed since monday · friday" in page
+    assert "healthy references (monday, friday)" in page
+    (first, *_) = friction.located.nuisances
+    assert f"+0.125 ± {first.prior_sd:.2g}" in calibration_table([first], {first.name: 0.125})
+    assert "+0.125" not in calibration_table([first])
+
+
+def test_causes_of_one_probability_stand_by_what_speaks_for_them(friction):
+    less, more, first = (
+        replace(friction.causes[0], location=name, probability=p, gain=gain)
+        for name, p, gain in (("less", 0.4503, 9.0), ("more", 0.4501, 70.0), ("first", 0.9, 1.0))
+    )
+    shown = best_first(replace(friction, causes=(less, more, first)))
+    assert [c.location for c in shown] == ["first", "more", "less"]
 
 
 def test_wrong_units_are_refused_and_the_signal_is_named(healthy):

@@ -114,6 +114,30 @@ def test_a_diagnosis_that_leaves_nothing_open_is_refused(tables: dict[str, Any],
         read_candidates(tables, load_rig("axis"))
 
 
+PLAIN_OR_DIRECTED = {
+    "axis.coulomb_friction": {"force": 29.9},
+    "axis.asymmetric_friction": {"positive": 29.7, "negative": 30.2},
+}
+
+
+def test_a_law_that_is_a_simpler_one_with_its_values_is_nothing_to_split() -> None:
+    with pytest.raises(IdentificationError, match=r"coulomb friction at axis.*the simpler stands"):
+        propose(diagnosis(PLAIN_OR_DIRECTED), load_rig("axis"), seconds=9.0, count=2, seed=1)
+
+
+def test_a_law_whose_values_are_no_simpler_ones_is_split_from_it() -> None:
+    sides = {**PLAIN_OR_DIRECTED, "axis.asymmetric_friction": {"positive": 60.0, "negative": 0.0}}
+    found = propose(diagnosis(sides), load_rig("axis"), seconds=9.0, count=2, seed=1).table()
+    assert found["splits"] == [["coulomb friction at axis", "asymmetric friction at axis"]]
+    assert "the simpler stands" not in found["sentence"]
+
+
+def test_beside_other_candidates_the_simpler_of_two_alike_laws_stands() -> None:
+    three = {**PLAIN_OR_DIRECTED, "axis.backlash": {"gap": 3e-4}}
+    found = propose(diagnosis(three), load_rig("axis"), seconds=9.0, count=2, seed=1)
+    assert "asymmetric friction at axis is coulomb friction at axis where nothing" in found.sentence
+
+
 def test_the_command_writes_what_hil_experiment_plays(tmp_path: Path) -> None:
     answer, out = tmp_path / "diagnosis.json", tmp_path / "next.toml"
     answer.write_text(json.dumps(GAP_OR_FRICTION), encoding="utf-8")

@@ -238,6 +238,31 @@ def test_gaps_and_jitter_are_measured(tmp_path):
     assert "after row 2000" in gap
 
 
+def in_turn():
+    """Stamps of rows 2.2 and 7.8 ms apart: a setpoint, an answer, and the wait for the next cycle."""
+    every = np.arange(len(motion()))
+    return 10.0 * (every // 2) + 2.2 * (every % 2)
+
+
+def test_signals_that_are_written_in_turn_leave_no_gaps(tmp_path):
+    assert not found(bring(log_with(tmp_path, time=in_turn())), "gaps")
+
+
+def test_a_gap_between_turns_is_found(tmp_path):
+    stamps = in_turn()
+    stamps[2000:] += 350.0
+    (gap,) = found(bring(log_with(tmp_path, time=stamps)), "gaps")
+    assert "1 gaps, the longest 0.35" in gap
+
+
+def test_rows_that_are_lost_now_and_then_are_gaps(tmp_path):
+    table = motion()
+    rng = np.random.default_rng(4)
+    stamps = table["time"].to_numpy() + 10.0 * np.cumsum(rng.random(len(table)) < 0.03)
+    (gap,) = found(bring(log_with(tmp_path, time=stamps)), "gaps")
+    assert int(gap.split(" gaps")[0].rpartition(" ")[2]) > 50
+
+
 def test_a_table_without_any_clock_asks_for_one(tmp_path):
     assert "give the map [time] column or rate" in refused(as_csv(tmp_path, motion()), SIGNALS)
 

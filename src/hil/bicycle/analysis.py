@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from hil.bicycle.checks import check_ride
 from hil.bicycle.drift import Drift, find_drift
-from hil.bicycle.effects import RideEffects, soft_motion
+from hil.bicycle.effects import RideEffects
+from hil.bicycle.expected import expected, motion_of
 from hil.bicycle.recorded import Ride
 from hil.bicycle.sensors import IMU_SIGNALS
 from hil.errors import RunError
@@ -28,9 +29,6 @@ from hil.runs.importing.findings import Finding
 
 Array = NDArray[np.float64]
 
-SPRUNG: Final = 0.45
-"""Of the ride's cutoff, below which fork and tyres are computed: less leaves out what a rider does to them,
-more lets the encoders' noise shake tyres [set on simulated rides]."""
 ROLLING: Final = 1.0
 """m/s: peaks of friction demand count while the bicycle rolls; at rest a foot holds it."""
 
@@ -47,6 +45,13 @@ class Compared:
     spread: float
     """Standard deviation of what was measured."""
     correlation: float
+    floor: float
+    """Of the difference that the sensors' noise alone leaves."""
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether noise is larger than all that was measured, so that nothing can be said of the model."""
+        return self.floor > self.spread
 
     @property
     def explained(self) -> float:
@@ -64,6 +69,8 @@ class Analysis:
     motion: Motion
     lean_torque: Array
     """(N,) that nobody explains, the rider's effects among the file's taken out, N m."""
+    lean_torque_floor: float
+    """Root mean square of it that the sensors' noise alone leaves while the bicycle rolls."""
     measured: dict[str, Array]
     """IMU signals on the ride's grid, as they came."""
     filtered: dict[str, tuple[Array, Array]]
@@ -102,6 +109,7 @@ class Analysis:
             "drive_torque_off_reduced_inertia_rms": off,
             "reduced_inertia": reduced_inertia(rig),
             "lean_torque_rms": _rms(self.lean_torque[rolls]) if rolls.any() else float("nan"),
+            "lean_torque_noise_rms": self.lean_torque_floor,
             "normal_rear": _range(m.normal[:, 0]),
             "normal_front": {**_range(m.normal[:, 1]), "mean": float(m.normal[:, 1].mean())},
             "friction_demand_rear": _peak(demand[:, 0], m),
@@ -114,6 +122,7 @@ class Analysis:
                     "bias": c.bias,
                     "spread": c.spread,
                     "correlation": c.correlation,
+                    "noise_rms": c.floor,
                     "explained": c.explained,
                 }
                 for c in self.compared
@@ -139,8 +148,8 @@ def analyse(recorded: Ride) -> Analysis:
     t = recorded.t_s
     angles = effects.true_angles(t, recorded.angles)
     told = smooth(angles, recorded.dt_s, how.cutoff, how.order)
-    slow = soft_motion(rig, recorded.dt_s, angles, SPRUNG)
-    motion = effects.added(pack(rig), told, slow)
+    motion = motion_of(rig, effects, recorded.dt_s, angles)
+    floor = expected(rig, effects, t, angles, motion, motion.speed > ROLLING)
     answers = effects.imu(t, motion)
     measured = {s: np.asarray(np.interp(t, *v)) for s, v in recorded.imu.items()}
     filtered = {}
@@ -151,20 +160,20 @@ def analyse(recorded: Ride) -> Analysis:
         stamps, values = recorded.imu[signal]
         inside = (stamps >= t[0]) & (stamps <= t[-1])
         model = np.interp(stamps[inside], t, answers[:, k])
-        compared.append(_compared(signal, False, values[inside], model))
+        compared.append(_compared(signal, False, values[inside], model, floor.raw[signal]))
         pair = np.column_stack([measured[signal], answers[:, k]])
         soft = low_pass(pair, recorded.dt_s, how.cutoff, how.order)
         filtered[signal] = (soft[:, 0], soft[:, 1])
-        compared.append(_compared(signal, True, soft[:, 0], soft[:, 1]))
+        compared.append(_compared(signal, True, soft[:, 0], soft[:, 1], floor.filtered[signal]))
     findings += _lifts(motion)
     drift = find_drift(bicycle, angles, recorded.dt_s, how.cutoff, how.order, motion)
     return Analysis(
-        recorded, bicycle, told, motion, effects.lean_torque(rig, motion), measured, filtered,
-        tuple(compared), drift, tuple(findings),
+        recorded, bicycle, told, motion, effects.lean_torque(rig, motion),
+        floor.lean_torque, measured, filtered, tuple(compared), drift, tuple(findings),
     )  # fmt: skip
 
 
-def _compared(signal: str, filtered: bool, measured: Array, model: Array) -> Compared:
+def _compared(signal: str, filtered: bool, measured: Array, model: Array, floor: float) -> Compared:
     off = measured - model
     spread = float(measured.std())
     both = spread * float(model.std())
@@ -173,7 +182,9 @@ def _compared(signal: str, filtered: bool, measured: Array, model: Array) -> Com
         if both
         else 0.0
     )
-    return Compared(signal, filtered, float(off.std()), float(off.mean()), spread, correlation)
+    return Compared(
+        signal, filtered, float(off.std()), float(off.mean()), spread, correlation, floor
+    )
 
 
 def _lifts(motion: Motion) -> list[Finding]:

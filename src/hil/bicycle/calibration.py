@@ -32,6 +32,8 @@ STILL_GYRO: Final = 3.0
 ROLLED: Final = 3.0
 """Steps of the wheel's encoder by which it may turn in a pose: a bicycle in a steady turn looks at rest to a
 gyroscope that is blamed for it."""
+RIDDEN_M_S: Final = 1.0
+"""Speed from which a run is a ride and no pose: nobody pushes a bicycle that fast to turn it over."""
 UPRIGHT: Final = 0.35
 """rad that the sensor may stand off what the file says: more, and it is another pose or another mounting."""
 NEW_POSE: Final = 0.2
@@ -98,7 +100,7 @@ def calibrate(runs: list[Run], rig: BicycleFile) -> Calibration:
             "first pose must be upright and steered straight"
         )
     g = rig.mass.gravity
-    notes = []
+    notes = [text for run in runs if (text := _ridden(run, rig, poses))]
     distinct = _distinct(poses)
     found, sd, residual = fit_accelerometer(
         np.array([p.accel for p in distinct]), rig.sensors, g, max(0.1 * rig.noise.accel, 1e-3)
@@ -182,6 +184,29 @@ def _rolls(run: Run, rig: BicycleFile, start_s: float, end_s: float) -> bool:
     angle = run.table["rear_wheel"].to_numpy(dtype=float)
     inside = angle[(t >= start_s) & (t <= end_s) & ~np.isnan(angle)]
     return bool(inside.size and np.ptp(inside) > _rest(rig))
+
+
+def _ridden(run: Run, rig: BicycleFile, poses: list[Pose]) -> str:
+    """What is to be said of a run that is a ride: its speed and what of it was used; empty if it is none."""
+    if "rear_wheel" not in run.table:
+        return ""
+    rolled = run.table[["t", "rear_wheel"]].dropna().to_numpy(dtype=float)
+    t, angle = rolled.T
+    seconds = np.arange(t[0], t[-1], SHORTEST_S) if len(t) else t
+    if len(seconds) < 2:
+        return ""
+    fastest = (
+        rig.geometry.R * float(np.max(np.abs(np.diff(np.interp(seconds, t, angle))))) / SHORTEST_S
+    )
+    if fastest < RIDDEN_M_S:
+        return ""
+    mine = [p for p in poses if p.name.startswith(f"{run.path.name} at ")]
+    used = sum(p.end_s - p.start_s for p in mine)
+    return (
+        f"warning: {run.path.name} is a ride at up to {fastest:.1f} m/s and no static pose: of its "
+        f"{t[-1] - t[0]:.0f} s only the {used:.1f} s were used in which it stands; hold it upright and "
+        "straight there, or record poses"
+    )
 
 
 def _rest(rig: BicycleFile) -> float:

@@ -29,11 +29,13 @@ DEGREES: Final = (30.0, 100.0)
 FLIPPED: Final = (0.6, 1.6)
 """Times what is wanted, between which what goes against it is an axis that points the other way: what a
 bracket that bends turns of gravity may go against a push as well, and is no wrong sign."""
+RADIUS: Final = 0.15
+"""By which what turns ask of the wheel may miss its radius for the wheel's column to be metres."""
 AGREES: Final = 0.8
 APART: Final = 0.15
 """By which another channel must follow better than the one that bears the name."""
-MOVES: Final = {"gyro": 0.05, "accel": 0.2}
-"""Spread of the model's signal from which its sensor must follow."""
+MOVES: Final = {"gyro": 0.05, "accel": 0.2, "lean": 0.03}
+"""Spread of the model's signal from which its sensor must follow, and of a lean that turns are told by."""
 MOVING_M_S: Final = 1.0
 SHORT_OF: Final = 0.02
 """rad: of the inclinometer's zero and its steps, by which what stands at its range may miss it."""
@@ -46,7 +48,7 @@ PINNED_S: Final = 0.3
 
 def check_channels(ride: Ride, told: Smooth) -> list[Finding]:
     """Faults of units, axes and dead sensors; warnings of pinned samples and holes of the IMU."""
-    out = _wheel(ride, told) + _dead(ride) + _elsewhere(ride)
+    out = _wheel(ride, told) + _metres(ride, told) + _dead(ride) + _elsewhere(ride)
     if not out:
         out = _imu(ride, told)
     out += _pinned("lean", *_ridden_lean(ride, told), ride, round(PINNED_S / ride.dt_s))
@@ -71,6 +73,32 @@ def _wheel(ride: Ride, told: Smooth) -> list[Finding]:
     if fast < FASTEST_M_S:
         return []
     text = f"the wheel's angle gives {fast:.0f} m/s: are these degrees, or counts?"
+    return [Finding("unit", "rear_wheel", "fault", text)]
+
+
+def _metres(ride: Ride, told: Smooth) -> list[Finding]:
+    """A wheel's way in place of its angle: the speed is then too small by the radius, and in turns the frame
+    yaws faster than that speed and its steer say; without a gyroscope it leans more, by the square."""
+    g = ride.rig.geometry
+    speed = g.R * told.rate[:, 1]
+    yaw = speed * told.angle[:, 2] * np.cos(g.tilt) / g.wheelbase
+    if "imu.gyro_z" in ride.imu:
+        raw = np.interp(ride.t_s, *ride.imu["imu.gyro_z"])
+        seen, power = low_pass(raw[:, None], ride.dt_s, CUTOFF_HZ)[:, 0], 1.0
+        least = MOVES["gyro"]
+    else:
+        yaw = -speed * yaw / ride.rig.mass.gravity
+        seen, power = told.angle[:, 0], 2.0
+        least = MOVES["lean"]
+    if np.std(seen) < least or _together(yaw, seen) < AGREES:
+        return []
+    factor = _gain(yaw, seen) ** (-1.0 / power)
+    if abs(factor / g.R - 1.0) > RADIUS:
+        return []
+    text = (
+        f"looks like metres, not radians: by the turns it is {factor:.2f} of the wheel's angle (the radius "
+        f"is {g.R:.3f} m); divide it by the radius"
+    )
     return [Finding("unit", "rear_wheel", "fault", text)]
 
 

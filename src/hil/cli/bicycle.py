@@ -203,15 +203,17 @@ def show(a: Analysis) -> None:
         f"(off the reduced inertia's by {n['drive_torque_off_reduced_inertia_rms']:.2f} rms)",
         f"normal force front {_span(n['normal_front'])} N, rear {_span(n['normal_rear'])} N",
         f"friction demand front {front['peak']:.2f} at {front['t_s']:.1f} s, rear {rear['peak']:.2f} at "
-        f"{rear['t_s']:.1f} s; lean torque left {n['lean_torque_rms']:.1f} N·m rms",
+        f"{rear['t_s']:.1f} s; lean torque left {n['lean_torque_rms']:.1f} N·m rms, of which noise alone "
+        f"makes {n['lean_torque_noise_rms']:.1f}",
     ]
     for line in lines:
         out.print(line, markup=False, soft_wrap=True)
     if not a.compared:
         return
     table = Table(
-        Column("IMU", no_wrap=True), "model off by, raw", "filtered", "correlation", "explained"
-    )
+        Column("IMU", no_wrap=True), "model off by, raw", "filtered", "by noise alone",
+        "correlation", "explained",
+    )  # fmt: skip
     by = {(c.signal, c.filtered): c for c in a.compared}
     for signal in dict.fromkeys(c.signal for c in a.compared):
         raw, soft = by[signal, False], by[signal, True]
@@ -220,8 +222,9 @@ def show(a: Analysis) -> None:
             signal,
             f"{raw.rms:.4f} {unit}",
             f"{soft.rms:.4f}",
+            f"{soft.floor:.4f}",
             f"{soft.correlation:.3f}",
-            f"{100.0 * soft.explained:.1f} %",
+            "too quiet to judge" if soft.is_quiet else f"{100.0 * soft.explained:.1f} %",
         )
     out.print(table)
 

@@ -171,7 +171,8 @@ def calibrate_command(
     cross = ", ".join(f"{c:+.5f}" for c in s.accel_cross)
     out.print(f"axes off square by {cross} (xy, xz, yz)")
     for note in found.notes:
-        out.print(note, markup=False, soft_wrap=True)
+        style = "yellow" if note.startswith("warning") else ""
+        out.print(note, style=style, markup=False, soft_wrap=True)
     out.print(f"gravity is met within {found.residual:.4f} m/s² over {len(found.poses)} poses")
     text = rig_toml(found.applied(bicycle), s.provenance)
     try:

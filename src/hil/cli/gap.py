@@ -99,7 +99,8 @@ def _show(found: Located) -> None:
     for n in found.nuisances:
         if n.at_bound:
             out.print(
-                f"alarm: {n.name} wants to go further than a calibration may, {n.change:+.3g} {n.unit}",
+                f"{n.name} wants to go further than a calibration may ({n.change:+.3g} {n.unit}): a "
+                "gap pulls at it, or it is wrong in the rig file",
                 style="yellow", markup=False, soft_wrap=True,
             )  # fmt: skip
     out.print(f"floor: {found.floor_text}", markup=False, soft_wrap=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap import Diagnosis
+from hil.gap import Cause, Diagnosis
 
 Array = NDArray[np.float64]
 
@@ -76,3 +76,8 @@ def worst(found: Diagnosis, count: int) -> list[str]:
     """The signals with the largest part of the gap, else the most floors off."""
     ranked = sorted(found.located.signals, key=lambda s: (-s.share, -s.ratio))
     return [s.signal for s in ranked[:count]]
+
+
+def best_first(found: Diagnosis) -> list[Cause]:
+    """The causes by their probability as pages print it, and of equal ones by what speaks for them."""
+    return sorted(found.causes, key=lambda c: (-round(c.probability, 3), -c.gain))

@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 
 from hil.gap import Diagnosis
 from hil.gap.record.led import lacking
-from hil.ui.diagnosis_data import Curves
+from hil.ui.diagnosis_data import Curves, best_first
 from hil.ui.page import FONT, PALETTE
 from hil.ui.report_data import Series, thinned
 
@@ -34,7 +34,7 @@ SPEAKING: Final = {
 
 def evidence_figure(found: Diagnosis) -> go.Figure:
     """Bars a candidate: probability, gain on training data, shrink on held-out data."""
-    causes = found.causes[:MOST_CAUSES]
+    causes = best_first(found)[:MOST_CAUSES]
     names = [f"{c.location}.{c.effect}" for c in causes]
     if found.unknown > 0.0:
         names.append("nothing in the catalogue")

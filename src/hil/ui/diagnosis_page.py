@@ -13,10 +13,11 @@ from plotly.graph_objects import Figure
 from hil.errors import IdentificationError
 from hil.gap import Diagnosis
 from hil.gap.iso18571 import rate
-from hil.ui.diagnosis_data import Curves, curves, worst
+from hil.ui.calibration_table import beside_effects, calibration_note, calibration_table
+from hil.ui.diagnosis_data import Curves, best_first, curves, worst
 from hil.ui.diagnosis_figures import evidence_figure, signal_figure, state_figure
 from hil.ui.gap_figures import map_figure
-from hil.ui.page import page
+from hil.ui.page import page, table, with_unit
 
 SHOWN: Final = 3
 """Signals shown over time."""
@@ -24,10 +25,18 @@ _COLOUR: Final = {
     "identified": "#dc2626", "ambiguous": "#d97706", "unknown": "#7c3aed", "no_gap": "#16a34a",
 }  # fmt: skip
 _HELD = "shaded: held out, no fit has seen it"
+_SIGNALS: Final = (
+    "Before, floor and times: of the whole record, each signal by itself. After: of what fits have seen. "
+    "(The verdict's figures are of what they have not seen.) Likeness after ISO/TS 18571 rates corridor, "
+    "phase, magnitude and slope from 0 to 1. It knows no noise floor and no cause: judge by floors."
+)
 
 
-def diagnosis_page(found: Diagnosis, out_html: Path) -> Path:
-    """Write the page about `found` to `out_html` and return that. RunError where it cannot be written."""
+def diagnosis_page(found: Diagnosis, out_html: Path, references: Sequence[str] = ()) -> Path:
+    """Write the page about `found` to `out_html` and return that. RunError where it cannot be written.
+
+    `references`: names of the healthy runs that it was calibrated on.
+    """
     all_curves = curves(found)
     sections: list[tuple[str, str, Figure | str]] = [("Verdict", "", _verdict(found))]
     if found.located.findings:
@@ -67,15 +76,18 @@ def diagnosis_page(found: Diagnosis, out_html: Path) -> Path:
     sections.append(("What these data cannot tell", "", _limits(found)))
     if found.next_experiment is not None:
         sections.append(("Next experiment", "", _pairs(found.next_experiment)))
-    sections.append(("Signals", "Likeness after ISO/TS 18571 rates corridor, phase, magnitude and slope "
-                     "from 0 to 1. It knows no noise floor and no cause: judge by floors.",
-                     _signals(found, all_curves)))  # fmt: skip
+    sections.append(("Signals", _SIGNALS, _signals(found, all_curves)))
     sections.append(
-        ("Calibration that was taken out first", "Each within what a healthy rig may be off its file. One at "
-         "its bound is an alarm.", _nuisances(found))
-    )  # fmt: skip
+        (
+            "Calibration that was taken out first",
+            calibration_note(found, references),
+            _nuisances(found),
+        )
+    )
     sections.append(("How it was computed", "", _method(found)))
     runs = escape(" · ".join(found.located.runs))
+    if references:
+        runs += escape(f"; what has changed since {' · '.join(references)}")
     return page(out_html, escape(f"{found.located.rig}: diagnosis of the gap"), runs, sections)
 
 
@@ -117,7 +129,8 @@ def _verdict(found: Diagnosis) -> str:
     over = escape(", ".join(s.signals))
     return (
         f'{text}<div style="display:flex;flex-wrap:wrap">{cells}</div>'
-        f'<p class="note" style="margin-top:8px">Root mean squares in noise floors, over {over}.</p>'
+        f'<p class="note" style="margin-top:8px">Root mean squares in noise floors, over {over}, on '
+        f"{escape(found.held_out)} alone, which no fit has seen.</p>"
     )
 
 
@@ -131,9 +144,10 @@ def _findings(found: Diagnosis) -> str:
 
 def _causes(found: Diagnosis) -> str:
     rows = []
-    for c in found.causes:
+    for c in best_first(found):
         values = "<br>".join(
-            f"{escape(name)} {p.value:.4g} ({p.ci[0]:.4g} … {p.ci[1]:.4g}) {escape(p.unit)}"
+            f"{escape(name)} "
+            + escape(with_unit(f"{p.value:.4g} ({p.ci[0]:.4g} … {p.ci[1]:.4g})", p.unit))
             + (" <b>at its bound</b>" if p.at_bound else "")
             for name, p in c.parameters.items()
         )
@@ -144,7 +158,7 @@ def _causes(found: Diagnosis) -> str:
              f"{c.gain:.0f}")
         )  # fmt: skip
     heads = ("cause", "probability", "class", "parameters", "shrink", "gain, nats")
-    return _table(heads, rows, numbers=(1, 2, 4, 5))
+    return table(heads, rows, numbers=(1, 2, 4, 5))
 
 
 def _limits(found: Diagnosis) -> str:
@@ -173,14 +187,15 @@ def _signals(found: Diagnosis, all_curves: Sequence[Curves]) -> str:
     rows = []
     for s in found.located.signals:
         after = gap[s.signal].get("after")
+        unit = escape(s.unit)
         rows.append(
-            (escape(s.signal), f"{s.before:.3g} {escape(s.unit)}",
-             "" if after is None else f"{after:.3g}", f"{s.noise_floor:.3g}", f"{s.ratio:.2f}",
+            (escape(s.signal), f"{s.before:.3g} {unit}",
+             "" if after is None else f"{after:.3g} {unit}", f"{s.noise_floor:.3g} {unit}", f"{s.ratio:.2f}",
              f"{100.0 * s.share:.0f} %", *_ratings(all_curves, s.signal))
         )  # fmt: skip
     heads = ("signal", "off before (rms)", "after", "floor", "times", "share of gap",
              "ISO/TS 18571 before", "after: corridor, phase, magnitude, slope")  # fmt: skip
-    return _table(heads, rows, numbers=(1, 2, 3, 4, 5, 6))
+    return table(heads, rows, numbers=(1, 2, 3, 4, 5, 6))
 
 
 def _ratings(all_curves: Sequence[Curves], signal: str) -> tuple[str, str]:
@@ -200,12 +215,9 @@ def _ratings(all_curves: Sequence[Curves], signal: str) -> tuple[str, str]:
 
 
 def _nuisances(found: Diagnosis) -> str:
-    rows = [
-        (escape(n.name), f"{n.change:+.3g} ± {n.sd:.1g} {escape(n.unit)}", f"± {n.prior_sd:.2g}",
-         "<b>at its bound</b>" if n.at_bound else "")
-        for n in found.located.nuisances
-    ]  # fmt: skip
-    return _table(("parameter", "off the rig file by", "expected", ""), rows, numbers=(1, 2))
+    known = () if found.calibrated is None else found.calibrated.nuisances
+    means = {n.name: n.mean for n in known}
+    return calibration_table(found.located.nuisances, means, beside_effects(found))
 
 
 def _method(found: Diagnosis) -> str:
@@ -214,7 +226,7 @@ def _method(found: Diagnosis) -> str:
         (
             f"Floor: {escape(found.located.floor_text)}.",
             "Before anything is called a gap, what a calibration would remove is refitted within its priors: "
-            "mass, friction, delays, level, offsets. Every candidate is fitted with these free.",
+            f"{escape(_kinds(found))}. Every candidate is fitted with these free.",
             "Candidates: every effect of the catalogue at every place where the recorded signals could show "
             "it; the best are fitted through the whole twin, alone and together.",
             "Evidence: residuals whitened by the floor's own autocorrelation, robust to single outliers, "
@@ -227,21 +239,16 @@ def _method(found: Diagnosis) -> str:
     )
 
 
-def _pairs(table: dict[str, Any]) -> str:
-    rows = [(escape(str(k)), escape(str(v))) for k, v in table.items()]
-    return _table(("", ""), rows)
+def _kinds(found: Diagnosis) -> str:
+    """What the nuisances are, by the catalogue's names."""
+    names = (n.name.split(".")[-2].replace("_", " ") for n in found.located.nuisances)
+    return ", ".join(dict.fromkeys(names))
+
+
+def _pairs(proposal: dict[str, Any]) -> str:
+    rows = [(escape(str(k)), escape(str(v))) for k, v in proposal.items()]
+    return table(("", ""), rows)
 
 
 def _list(items: Iterable[str]) -> str:
     return "<ul>" + "".join(f"<li>{item}</li>" for item in items) + "</ul>"
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    def row(cells: Sequence[str], tag: str) -> str:
-        return "".join(
-            f'<{tag} class="n">{x}</{tag}>' if k in numbers else f"<{tag}>{x}</{tag}>"
-            for k, x in enumerate(cells)
-        )
-
-    body = "".join(f"<tr>{row(r, 'td')}</tr>" for r in rows)
-    return f"<table><tr>{row(heads, 'th')}</tr>{body}</table>"

@@ -8,6 +8,7 @@ from string import Template
 from typing import Final
 
 from hil.gap import Located
+from hil.ui.calibration_table import ALONE, calibration_table
 from hil.ui.gap_figures import map_figure, signal_figure, state_figure, time_figure
 from hil.ui.page import embedded, write_page
 
@@ -32,8 +33,7 @@ explainable gap.</p>$map</section>
 <section><h2>Residual over time</h2><p class="how">Measured minus twin. Grey: twice the floor, which grows
 where timing on the bus matters.</p>$time</section>
 $state
-<section><h2>Calibration that was taken out first</h2><p class="how">Each within what a healthy rig may be off
-its file. One at its bound is an alarm.</p>$nuisances</section>
+<section><h2>Calibration that was taken out first</h2><p class="how">$calibration</p>$nuisances</section>
 <section><h2>How it was computed</h2><p class="how">Floor: $floor.</p><p class="how">Shares: squares
 of the residual over the squared floor of its signal, less what the floor itself has in the same
 band and region, over all bands that stand clear of chance. Intervals (90 %): blocks of time of a
@@ -52,7 +52,8 @@ def gap_page(found: Located, out_html: Path) -> Path:
         signals=_signals(found),
         time=embedded(time_figure(found)),
         state=_state(found),
-        nuisances=_nuisances(found),
+        calibration=ALONE,
+        nuisances=calibration_table(found.nuisances),
         floor=escape(found.floor_text),
     )
     title = escape(f"{found.rig}: rig against twin")
@@ -92,8 +93,8 @@ def _signals(found: Located) -> str:
     rows = "".join(
         f"<tr><td>{escape(s.signal)}</td>"
         f'<td class="n">{s.before:.3g} {escape(s.unit)}</td>'
-        f'<td class="n">{s.before_ci[0]:.3g} … {s.before_ci[1]:.3g}</td>'
-        f'<td class="n">{s.noise_floor:.3g}</td><td class="n">{s.ratio:.2f}</td></tr>'
+        f'<td class="n">{s.before_ci[0]:.3g} … {s.before_ci[1]:.3g} {escape(s.unit)}</td>'
+        f'<td class="n">{s.noise_floor:.3g} {escape(s.unit)}</td><td class="n">{s.ratio:.2f}</td></tr>'
         for s in found.signals
     )
     head = (
@@ -117,17 +118,3 @@ def _state(found: Located) -> str:
         "is the median: a step at zero velocity is Coulomb friction, a slope viscous friction, a wave over "
         f"position ripple or lead error.</p>{embedded(figure)}</section>"
     )
-
-
-def _nuisances(found: Located) -> str:
-    rows = "".join(
-        f"<tr><td>{escape(n.name)}</td>"
-        f'<td class="n">{n.change:+.3g} ± {n.sd:.1g} {escape(n.unit)}</td>'
-        f'<td class="n">± {n.prior_sd:.2g}</td><td>{"<b>at its bound</b>" if n.at_bound else ""}</td></tr>'
-        for n in found.nuisances
-    )
-    head = (
-        "<tr><th>parameter</th><th class='n'>off the rig file by</th><th class='n'>expected</th>"
-        "<th></th></tr>"
-    )
-    return f"<table>{head}{rows}</table>"

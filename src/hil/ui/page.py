@@ -89,3 +89,21 @@ def embedded(figure: Figure) -> str:
     """A figure as HTML for the body of a page, which has the plotting library."""
     config = {"responsive": True, "displaylogo": False, "scrollZoom": False}
     return str(figure.to_html(full_html=False, include_plotlyjs=False, config=config))
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
+    """Rows of HTML cells under their heads; `numbers`: columns that stand to the right."""
+
+    def row(cells: Sequence[str], tag: str) -> str:
+        return "".join(
+            f'<{tag} class="n">{x}</{tag}>' if k in numbers else f"<{tag}>{x}</{tag}>"
+            for k, x in enumerate(cells)
+        )
+
+    body = "".join(f"<tr>{row(r, 'td')}</tr>" for r in rows)
+    return f"<table><tr>{row(heads, 'th')}</tr>{body}</table>"
+
+
+def with_unit(number: str, unit: str) -> str:
+    """A number and its unit, which what has no dimension has not."""
+    return number if unit in ("", "1") else f"{number} {unit}"

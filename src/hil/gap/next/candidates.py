@@ -21,6 +21,13 @@ LEAST: Final = 0.02
 """Probability from which on a candidate is worth an experiment, if it is not in the first one's class."""
 CERTAIN: Final = 0.9
 """Of several effects that act together: those as probable as that stand in every candidate."""
+HOLDS: Final = {
+    "asymmetric_friction": "coulomb_friction",
+    "stribeck_friction": "coulomb_friction",
+    "hysteresis": "coulomb_friction",
+    "asymmetric_viscous_friction": "viscous_friction",
+}
+"""Laws that are another one where both directions are alike, no peak stands at rest, no way is needed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +45,18 @@ class Candidate:
     def name(self) -> str:
         """`effect at location`, in words."""
         return f"{self.effect.replace('_', ' ')} at {self.location}"
+
+    def holds(self, other: Candidate) -> bool:
+        """Whether `other` is a special case of it."""
+        return self.location == other.location and HOLDS.get(self.effect) == other.effect
+
+
+def simplest(candidates: Sequence[Candidate]) -> Candidate | None:
+    """The candidate that all others hold as a special case; None where there is none."""
+    return next(
+        (c for c in candidates if all(x is c or x.holds(c) for x in candidates)),
+        None,
+    )
 
 
 def read_candidates(

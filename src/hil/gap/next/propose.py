@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.config import RigFile
 from hil.errors import HilError, IdentificationError
-from hil.gap.next.candidates import Candidate, read_candidates
+from hil.gap.next.candidates import Candidate, read_candidates, simplest
 from hil.gap.next.score import Split, payloads_of, split_of
 from hil.gap.next.sketches import Sketch, draw_sketches, generic_multisine
 
@@ -47,18 +47,23 @@ class Proposal:
             f"{self.candidates[a].name} from {self.candidates[b].name}"
             for a, b in self.split.apart()
         ]
+        alike = "".join(
+            f" {a.name} is {b.name} where nothing tells them apart: the simpler stands."
+            for i, a in enumerate(self.candidates) for j, b in enumerate(self.candidates)
+            if a.holds(b) and (min(i, j), max(i, j)) not in self.split.apart()
+        )  # fmt: skip
         if not pairs:
             return (
                 f"No motion within the limits of {self.rig.name} splits "
                 f"{', '.join(c.name for c in self.candidates)} with these sensors; "
-                f"the best of {self.tried} is {self._motion()}. Another sensor is needed."
+                f"the best of {self.tried} is {self._motion()}. Another sensor is needed.{alike}"
             )
         generic = "" if self.generic is None else (
             f" (a multisine of the same length: {100.0 * self.generic.right:.0f} %)"
         )  # fmt: skip
         return (
             f"Play {self._motion()}: it tells {'; '.join(pairs)}. Expected probability of the true one after "
-            f"it: {100.0 * self.split.right:.0f} %{generic}."
+            f"it: {100.0 * self.split.right:.0f} %{generic}.{alike}"
         )
 
     def _motion(self) -> str:
@@ -99,8 +104,9 @@ def propose(
 ) -> Proposal:
     """The best of `count` drawn motions of `seconds` for the candidates of a diagnosis.
 
-    `payload`: whether one can be bolted on. IdentificationError where fewer than two candidates are left, or
-    no motion can be ridden. Equal `seed`, equal answer.
+    `payload`: whether one can be bolted on. IdentificationError where fewer than two candidates are left,
+    where all that is left is one and laws that hold it, or no motion can be ridden. Equal `seed`, equal
+    answer.
     """
     say = report or (lambda _: None)
     candidates, shared = read_candidates(tables, rig)
@@ -130,6 +136,13 @@ def propose(
         short = [replace(s, payload_kg=kg) for s in able for kg in payloads_of(rig)]
         ranked = sorted([*ranked, *scored(short)], key=lambda x: x[0])
     _, best, split = ranked[0]
+    plain = simplest(candidates)
+    if plain is not None and not split.apart():
+        others = ", ".join(c.name for c in candidates if c is not plain)
+        raise IdentificationError(
+            f"{others}: with the values found this is {plain.name}, and no motion tells them apart: the "
+            "simpler stands, there is nothing to split"
+        )
     try:
         usual = split_of(generic_multisine(rig, best.trajectory.duration_s, seed), rig, candidates, shared,
                          signals, seed)  # fmt: skip

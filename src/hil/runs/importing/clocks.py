@@ -20,6 +20,11 @@ SNAP: Final = 0.05
 """A stamp this share of a period off the grid of `rate` is no longer the same instant."""
 GAP: Final = 3.0
 """Steps longer than this many usual steps are gaps."""
+TURN: Final = 50
+"""Rows at most that a log may write in one turn, signal after signal, before it waits for the next turn."""
+REGULAR: Final = 0.5
+"""Of the rows in a turn, by which the middle half of the turns may differ: rows that are lost leave any
+number between them."""
 SLOWEST_S, FASTEST_S = 0.5, 1e-5
 """Usual steps outside these are no log of a rig's motion: the time's unit is wrong."""
 
@@ -128,7 +133,7 @@ def check_clock(line: Timeline) -> list[Finding]:
                 f"{line.where}: a sample each {usual:.3g} s is no log of motion: is its unit {unit}?",
             )
         )  # fmt: skip
-    gaps = np.flatnonzero(steps > GAP * usual)
+    gaps = np.flatnonzero(steps > GAP * _wait(steps, usual))
     if gaps.size:
         worst = int(gaps[np.argmax(steps[gaps])])
         found.append(
@@ -149,6 +154,17 @@ def check_clock(line: Timeline) -> list[Finding]:
         ),
     )  # fmt: skip
     return found
+
+
+def _wait(steps: Array, usual: float) -> float:
+    """The usual step, or the wait between two turns of a log that writes its signals one after another."""
+    long = np.flatnonzero(steps > GAP * usual)
+    rows = np.diff(long)
+    if rows.size < 2:
+        return usual
+    low, middle, high = np.quantile(rows, [0.25, 0.5, 0.75])
+    is_turn = middle <= TURN and high - low <= REGULAR * middle
+    return float(np.median(steps[long])) if is_turn else usual
 
 
 def check_clocks(lines: Sequence[Timeline]) -> list[Finding]:

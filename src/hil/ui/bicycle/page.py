@@ -26,8 +26,9 @@ RATES = (("imu.gyro_y", "pitch rate, rad/s"), ("imu.gyro_z", "yaw rate, rad/s"),
 ACCELERATIONS = (("imu.accel_x", "forward, m/s²"), ("imu.accel_z", "vertical, m/s²"),
                  ("imu.accel_y", "to the left, m/s²"))  # fmt: skip
 NUMBERS: Final = (
-    "Explained: share of the variance of what the sensor gave, both filtered. Below 0 %: the model's own "
-    "noise, that of angles differenced twice, is larger than what it explains."
+    "By noise alone: what the sensors' noise, by the rig file, would leave of a perfect model, filtered. "
+    "Explained: share of the variance of what the sensor gave, both filtered; where noise is larger than all "
+    "that was measured it is too quiet to judge."
 )
 
 
@@ -60,7 +61,8 @@ def ride_page(a: Analysis, out_html: Path) -> Path:
         (
             "Torques",
             "Of the rider, from the multipliers. No lean torque acts on a free bicycle: what is left is "
-            "noise, a foot on the ground, or motion that the model has not.",
+            f"noise ({n['lean_torque_noise_rms']:.1f} of {n['lean_torque_rms']:.1f} N·m rms), a foot on the "
+            "ground, or motion that the model has not.",
             torque_figure(a),
         ),
         (
@@ -121,7 +123,10 @@ def _numbers(a: Analysis) -> str:
         ("normal force, rear", span("normal_rear", "N", 0)),
         ("friction demand, front", f"{front['peak']:.2f} at {front['t_s']:.2f} s"),
         ("friction demand, rear", f"{rear['peak']:.2f} at {rear['t_s']:.2f} s"),
-        ("lean torque left, rolling", f"{n['lean_torque_rms']:.2f} N·m rms"),
+        (
+            "lean torque left, rolling",
+            f"{n['lean_torque_rms']:.2f} N·m rms, by noise alone {n['lean_torque_noise_rms']:.2f}",
+        ),
         (
             "constraint of the contact's slope",
             f"{np.abs(m.multipliers[:, 1]).max():.1e} N·m, must be 0",
@@ -131,7 +136,17 @@ def _numbers(a: Analysis) -> str:
 
 
 def _imu_table(a: Analysis) -> str:
-    rows = [("signal", "off, raw", "off, filtered", "bias", "correlation", "explained")]
+    rows = [
+        (
+            "signal",
+            "off, raw",
+            "off, filtered",
+            "by noise alone",
+            "bias",
+            "correlation",
+            "explained",
+        )
+    ]
     by = {(c.signal, c.filtered): c for c in a.compared}
     for signal in dict.fromkeys(c.signal for c in a.compared):
         raw, soft = by[signal, False], by[signal, True]
@@ -141,9 +156,10 @@ def _imu_table(a: Analysis) -> str:
                 signal,
                 f"{raw.rms:.4f} {unit}",
                 f"{soft.rms:.4f}",
+                f"{soft.floor:.4f}",
                 f"{soft.bias:+.4f}",
                 f"{soft.correlation:.3f}",
-                f"{100.0 * soft.explained:.1f} %",
+                "too quiet to judge" if soft.is_quiet else f"{100.0 * soft.explained:.1f} %",
             )
         )
     return _table(rows)

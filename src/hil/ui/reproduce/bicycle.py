@@ -22,6 +22,7 @@ from hil.gap.apply import applied_text
 from hil.gap.bicycle import diagnose_rides
 from hil.runs import Run, load_run
 from hil.ui.bicycle.figures import force_figure, imu_figure, path_figure, torque_figure
+from hil.ui.page import with_unit
 from hil.ui.reproduce import bicycle_prose as prose
 from hil.ui.reproduce.report import Report, Section, Table, write_report
 
@@ -122,7 +123,12 @@ def _accelerations(a: Analysis) -> Section:
 
 def _torques(a: Analysis, n: dict[str, Any]) -> Section:
     off = n["drive_torque_off_reduced_inertia_rms"]
-    words = prose.TORQUES.filled(drive=n["drive_torque_rms"], off=off, lean=n["lean_torque_rms"])
+    words = prose.TORQUES.filled(
+        drive=n["drive_torque_rms"],
+        off=off,
+        lean=n["lean_torque_rms"],
+        noise=n["lean_torque_noise_rms"],
+    )
     facts = {"drive_torque_rms": n["drive_torque_rms"], "reduced_inertia_off_rms": off,
              "lean_torque_rms": n["lean_torque_rms"]}  # fmt: skip
     return Section(words, (torque_figure(a),), None, facts)
@@ -148,7 +154,7 @@ def _gap(rides: list[Run], rig: BicycleFile) -> Section:
             f"{c.effect.replace('_', ' ')} at {c.location}",
             f"{c.probability:.3f}",
             ", ".join(
-                f"{k} {v.value:.4g} ({v.ci[0]:.4g} … {v.ci[1]:.4g}) {v.unit}"
+                with_unit(f"{k} {v.value:.4g} ({v.ci[0]:.4g} … {v.ci[1]:.4g})", v.unit)
                 for k, v in c.parameters.items()
             ),
             "" if c.shrink is None else f"{100.0 * c.shrink:.0f} %",

@@ -62,7 +62,7 @@ TORQUES: Final = Prose(
 {F}; drag, which the paper's check leaves out, is added to it. Below stands a torque that the paper does not
 show: lean torque, which must be zero, because nobody pushes a free bicycle from outside.</p>""",
     """<p>Pedalling torque {drive:.1f} N m rms; the reduced inertia is off by {off:.2f} N m. Lean torque left:
-{lean:.1f} N m rms.</p>""",
+{lean:.1f} N m rms; the sensors' noise alone leaves {noise:.1f}.</p>""",
 )
 
 FORCES: Final = Prose(
