@@ -37,7 +37,7 @@ class Stretch:
     stamped: Stretch | None = None
     """The stretch as the record has it, where its samples and setpoints were moved to when they happened."""
     late_s: Mapping[str, float] = field(default_factory=dict)
-    """By actuator: how much later than their stamps or the bus's traffic say its setpoints were found to act."""
+    """By actuator: how much later than stamps or the bus's traffic say its setpoints were found to act."""
 
     @property
     def span_s(self) -> tuple[float, float]:

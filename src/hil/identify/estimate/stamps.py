@@ -44,9 +44,9 @@ QUICKEST: Final = 0.01
 PHASE_S: Final = 1.25e-4
 """Half ticks of 4 kHz."""
 PHASES: Final = ((PHASE_S, 4),)
-"""Steps, and how many either way, by which a drive's clock may be off what the first frame's wait makes it."""
+"""Steps, and how many either way, by which a drive's clock may be off what its first frame's wait says."""
 LATE: Final = ((0.05, 10), (0.01, 5), (2e-3, 5), (5e-4, 4))
-"""The same for frames that come later than their stamps say, in ticks, each about the best of those before."""
+"""The same for frames that come later than their stamps say, in ticks, each about the best before."""
 CLEARER: Final = 0.01
 """What moving setpoints must take off a drive's jumps (`_jumps`) to be believed [R]."""
 JUMP: Final = 1.5
@@ -61,8 +61,8 @@ def placed(rig: RigFile, pieces: Sequence[Stretch]) -> list[Stretch]:
 def redrawn(rig: RigFile, piece: Stretch, rng: np.random.Generator) -> Stretch | None:
     """A placed stretch with another draw of what the traffic left to chance; None for one left as stamped.
 
-    Samples are all moved alike by up to what answers typically come off where the traffic has them: request or
-    reply may have taken it.
+    Samples are all moved alike, by up to what answers typically come off where the traffic has them: request
+    or reply may have taken it.
     """
     if piece.stamped is None:
         return None
@@ -182,12 +182,11 @@ def _as_late_as_jumps(rig: RigFile, piece: Stretch) -> Stretch:
     signals = {a: f"{a}.force" for a in rig.actuator_names if f"{a}.force" in piece.samples}
     if len(signals) < len(rig.actuators) or piece.mode != "position":
         return piece
+    turns: tuple[tuple[float, int], ...] = ()
     if rig.bus.retimed:
         turns = PHASES if piece.stamped is not None else ()
     elif rig.bus.position_loop > rig.bus.speed_loop and rig.bus.interpolation == "linear":
         turns = tuple((rig.bus.position_loop * step, most) for step, most in LATE)
-    else:
-        turns = ()
     if not turns:
         return piece
     twin = Twin(rig, payload=piece.payload)
