@@ -11,6 +11,7 @@ import pandas as pd
 
 from hil.config import RigFile
 from hil.identify.estimate.names import with_numbers
+from hil.identify.estimate.traffic import frame_s, played_again
 from hil.identify.replay import Stretch
 from hil.rigs import build_rig
 from hil.runs import Run, RunMeta
@@ -91,6 +92,35 @@ def play(
             value = answers[signal] + spread * rng.standard_normal(len(answers[signal]))
             samples[signal] = (stamps[signal], np.round(value / step) * step if step else value)
     return Stretch(name, setpoints, samples, "position", payload)
+
+
+def play_on_bus(rig: RigFile, poses: Array, *, late_s: float, seed: int = 0) -> Stretch:
+    """As `play`, on the bus of the simulated rig while nobody else speaks: a drive samples when its slot's
+    request comes, behind the control frame; the answer waits for the drive's status, and the stamps hold the
+    jitter of both. Setpoints come `late_s` later than their stamps and the rig file's delay say."""
+    rng = np.random.default_rng(seed)
+    bus, frame = rig.bus, frame_s(rig.can.bitrate)
+    told = play(rig, poses, seed=seed).setpoints
+    replies = [
+        bus.answer_delay + bus.answer_jitter * rng.standard_normal((2, len(t)))
+        for t, _ in told.values()
+    ]
+    sent = [t for t, _ in told.values()]
+    traffic = played_again(sent, np.empty(0), rig.can.bitrate, replies, one_queue=True)
+    sampled, stamps = {}, {}
+    for i, actuator in enumerate(rig.actuator_names):
+        for turn, quantity in enumerate(bus.pattern):
+            k = slice(turn, None, len(bus.pattern))
+            sampled[f"{actuator}.{quantity}"] = sent[i][k] + 2.0 * frame + bus.answer_delay
+            stamps[f"{actuator}.{quantity}"] = traffic.answers[i][k]
+    acting = {a: (t + late_s, x) for a, (t, x) in told.items()}
+    samples = {}
+    for signal, value in Twin(rig).replay(acting, sampled).items():
+        quantity = signal.rpartition(".")[2]
+        noise = getattr(rig.noise, quantity) * rng.standard_normal(len(value))
+        step = getattr(rig.noise, f"{quantity}_step")
+        samples[signal] = (stamps[signal], np.round((value + noise) / step) * step)
+    return Stretch("run", told, samples)
 
 
 def as_run(piece: Stretch, rig: RigFile, **changed: Array) -> Run:

@@ -11,14 +11,16 @@ from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.errors import IdentificationError
 from hil.identify.estimate.adaptive import AdaptiveGradient, adapt, stability_bound_s
+from hil.identify.estimate.calibration import simulated, unexplained
 from hil.identify.estimate.fit import LinearOptions, body_numbers, identify_linear
 from hil.identify.estimate.linear import long_run
 from hil.identify.estimate.prepare import prepare
 from hil.identify.estimate.regression import Regression, regression
 from hil.identify.estimate.result import Identification
+from hil.identify.estimate.stamps import placed
 from hil.identify.replay import Stretch
 from hil.sim.twin import Payload
-from tests.identify.estimate_data import multisine, play, without_noise
+from tests.identify.estimate_data import multisine, play, play_on_bus, without_noise
 
 FRICTION = {"leg1.coulomb": 40.0, "leg2.viscous": 260.0}
 TRUTH = {"mass.m": 212.0, "mass.inertia.xx": 21.0, "mass.inertia.zz": 36.0, **FRICTION}
@@ -58,6 +60,44 @@ def test_mass_inertia_and_friction_are_found_with_intervals_that_hold_the_truth(
     assert all(e.identifiable for e in result.estimates)
     for name, tolerance in (("mass.m", 0.005), ("mass.inertia.xx", 0.05), ("leg1.coulomb", 0.06)):
         assert result[name].value == pytest.approx(TRUTH[name], rel=tolerance)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_frames_of_a_bus_shift_neither_mass_nor_friction(seed: int) -> None:
+    axis = load_rig("axis")
+    piece = play_on_bus(axis, multisine(axis, 20.0, seed, 3.0), late_s=2e-5, seed=seed)
+    result = identify_linear(placed(axis, [piece]), axis, LinearOptions(draws=4)).identification
+    assert np.abs(_deviations(result, {})).max() < 3.0
+    assert result["mass.m"].value == pytest.approx(95.0, abs=0.6)
+    assert result["axis.viscous"].value == pytest.approx(120.0, abs=12.0)
+    assert result["axis.viscous"].std < 6.0
+    (note,) = (n for n in result.notes if n.startswith("corrected by the twin"))
+    assert "axis.viscous" in note
+    assert "%" not in note
+
+
+def test_what_the_twin_cannot_explain_of_the_jumps_widens_what_it_corrected() -> None:
+    axis = load_rig("axis")
+    right = play_on_bus(axis, multisine(axis, 10.0, 1, 3.0), late_s=0.0, seed=1)
+    wrong = dataclasses.replace(  # frames that came anywhere within half a millisecond
+        right,
+        setpoints={
+            a: (t + np.random.default_rng(0).uniform(0.0, 5e-4, len(t)), x)
+            for a, (t, x) in right.setpoints.items()
+        },
+    )
+    share = [
+        unexplained(axis, pieces, simulated(axis, pieces, {}))
+        for pieces in (placed(axis, [right]), [wrong])
+    ]
+    assert share[0] < 0.05
+    assert share[1] > 0.15
+    viscous = [
+        identify_linear(pieces, axis, LinearOptions(draws=1)).identification["axis.viscous"]
+        for pieces in (placed(axis, [right]), [wrong])
+    ]
+    assert viscous[1].std > 3.0 * viscous[0].std
+    assert viscous[1].ci95[0] < 120.0 < viscous[1].ci95[1]
 
 
 def test_ten_body_parameters_give_centre_of_gravity_and_inertia(

@@ -12,7 +12,7 @@ from hil.configfile import load_rig
 from hil.identify.estimate.stamps import placed, redrawn
 from hil.identify.estimate.traffic import frame_s, played_again
 from hil.identify.replay import Stretch
-from tests.identify.estimate_data import multisine, play
+from tests.identify.estimate_data import multisine, play, play_on_bus
 
 FRAME_S = frame_s(500_000)
 DELAY_S = 1e-3
@@ -85,3 +85,30 @@ def test_stamps_of_a_quiet_bus_are_left_alone(rig: RigFile, quiet: Stretch) -> N
     (found,) = placed(rig, [quiet])
     assert found is quiet
     assert redrawn(rig, found, np.random.default_rng(0)) is None
+
+
+def test_setpoints_act_when_the_jumps_of_force_say_and_samples_stand_at_their_requests() -> None:
+    axis = load_rig("axis")
+    late_s = 2e-5
+    piece = play_on_bus(axis, multisine(axis, 10.0, 1, 3.0), late_s=late_s, seed=4)
+    sent, _ = piece.setpoints["axis"]
+    stamps = piece.samples["axis.force"][0]
+    (found,) = placed(axis, [piece])
+    assert found.late_s["axis"] == pytest.approx(late_s, abs=4e-6)
+    assert found.setpoints["axis"][0] == pytest.approx(sent + found.late_s["axis"], abs=1e-9)
+    requests = sent[1::2] + 2 * FRAME_S + axis.bus.answer_delay
+    assert found.samples["axis.force"][0] == pytest.approx(requests, abs=1e-9)
+    assert np.mean(stamps - requests) > 2e-5
+    # the same frames nearly as late again, and samples anywhere between stamps and requests
+    again = redrawn(axis, found, np.random.default_rng(0))
+    assert again is not None
+    assert again.setpoints["axis"][0] == pytest.approx(found.setpoints["axis"][0], abs=1e-9)
+    moved = again.samples["axis.force"][0] - requests
+    assert 0.0 < np.abs(moved).max() < 6e-5
+
+
+def test_setpoints_whose_jumps_say_nothing_else_are_taken_as_stamped() -> None:
+    axis = load_rig("axis")
+    piece = play_on_bus(axis, multisine(axis, 10.0, 1, 3.0), late_s=0.0, seed=5)
+    (found,) = placed(axis, [piece])
+    assert not found.late_s

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -36,6 +36,8 @@ class Stretch:
     payload: Payload | None = None
     stamped: Stretch | None = None
     """The stretch as the record has it, where its samples and setpoints were moved to when they happened."""
+    late_s: Mapping[str, float] = field(default_factory=dict)
+    """By actuator: how much later than stamps or the bus's traffic say its setpoints were found to act."""
 
     @property
     def span_s(self) -> tuple[float, float]:

@@ -97,6 +97,22 @@ def misfit(pieces: Sequence[Stretch], answers: Sequence[Stretch]) -> float:
     return float(np.mean(np.log(np.maximum(squares, 1e-12))))
 
 
+def unexplained(rig: RigFile, pieces: Sequence[Stretch], answers: Sequence[Stretch]) -> float:
+    """Share of the jumps of force between samples that the twin's `answers` do not have, beyond sensor noise.
+
+    As good as it has the jumps it knows what sampling makes of them.
+    """
+    noise = 2.0 * (rig.noise.force**2 + rig.noise.force_step**2 / 12.0)
+    left, whole = 0.0, 0.0
+    for piece, answer in zip(pieces, answers, strict=True):
+        for signal, (_, value) in piece.samples.items():
+            if signal.endswith(".force"):
+                jumps = np.diff(value - answer.samples[signal][1])
+                left += float(np.sum(jumps**2 - noise))
+                whole += float(np.sum(np.diff(value) ** 2 - noise))
+    return float(np.sqrt(min(max(left, 0.0) / max(whole, 1e-300), 1.0)))
+
+
 def simulated(
     rig: RigFile,
     pieces: Sequence[Stretch],

@@ -13,7 +13,7 @@ from hil.config import RigFile
 from hil.errors import IdentificationError
 from hil.identify.estimate import linear
 from hil.identify.estimate.adaptive import adapt
-from hil.identify.estimate.calibration import calibrate, misfit, simulated
+from hil.identify.estimate.calibration import calibrate, misfit, simulated, unexplained
 from hil.identify.estimate.checks import (
     at_rest,
     check_force,
@@ -124,12 +124,18 @@ def identify_linear(
     found = linear.weighted(problem, instruments)
     sigma_n = np.ones_like(found.sigma_n) if method == "ols" else found.sigma_n
     shift, timing = np.zeros_like(found.values), np.zeros_like(found.covariance)
+    moved = np.zeros_like(found.values)
     if options.draws and replayable:
         before = linear.solve(problem, sigma_n, instruments).values
 
-        def artefact(at: Array, rng: np.random.Generator | None) -> tuple[Array, float]:
+        def replayed(
+            at: Array, rng: np.random.Generator | None = None
+        ) -> tuple[Array, list[Stretch]]:
             truth, own, effects = nearest_rig(rig, problem, at)
-            answers = simulated(with_numbers(rig, own), pieces, effects, rng)
+            return truth, simulated(with_numbers(rig, own), pieces, effects, rng)
+
+        def artefact(at: Array, rng: np.random.Generator | None) -> tuple[Array, float]:
+            truth, answers = replayed(at, rng)
             clean = problem_of(answers)
             return clean.y - clean.W @ truth, misfit(pieces, answers)
 
@@ -139,12 +145,11 @@ def identify_linear(
 
         calibration = calibrate(artefact, estimate, before, options.draws, options.seed)
         problem = replace(problem, y=problem.y - calibration.artefact)
-        shift, timing = calibration.shift, calibration.timing
+        shift = calibration.shift
         after = linear.solve(problem, sigma_n, instruments).values + shift
-        notes.append(
-            "corrected by the twin: sampling and bus timing had shifted these estimates by up to "
-            f"{float((np.abs(after - before) / problem.scale).max()):.1%} of a parameter's size"
-        )
+        moved = after - before
+        share = unexplained(rig, pieces, replayed(after)[1])
+        timing = calibration.timing + share**2 * np.outer(moved, moved)
     elif options.draws:
         notes.append(
             "not corrected by the twin, for the runs hold no setpoints: intervals know of noise alone"
@@ -163,6 +168,7 @@ def identify_linear(
     analysis = analyse(problem.names, covariance, problem.scale)
     rows = [(c.name, c.unit, c.nominal, c.scale) for c in problem.columns]
     answer = estimates(rows, values, covariance, found.dof, analysis, reasons)
+    notes += _corrected(answer, moved)
     notes += _impossible(answer)
     predicted = problem.W @ values
     return Outcome(
@@ -223,6 +229,22 @@ def body_numbers(values: Mapping[str, float]) -> dict[str, float]:
         i, j = "xyz".index(key[0]), "xyz".index(key[1])
         out[f"mass.inertia.{key}"] = values[f"mass.origin_inertia.{key}"] - float(spread[i, j])
     return out
+
+
+def _corrected(found: Sequence[Estimate], moved: Array) -> list[str]:
+    """What parameters that the data tell would have been without the twin's correction `moved` (P,), where
+    that is more than a standard deviation."""
+    told = [
+        f"{e.name} {e.value - by:.4g} {e.unit}"
+        for e, by in zip(found, moved, strict=True)
+        if e.identifiable and abs(by) > e.std
+    ]
+    if not told:
+        return []
+    return [
+        "corrected by the twin: without that, force sampled in step with the setpoints would have made "
+        f"{', '.join(told)}"
+    ]
 
 
 def _impossible(found: Sequence[Estimate]) -> list[str]:

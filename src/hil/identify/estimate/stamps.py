@@ -6,12 +6,16 @@ six drives and 500 kbit/s [V]. Its receive stamp less the answer delay is that m
 depends on whose frames went first. In a stiff drive force jumps at each new setpoint by more than inertia
 takes, so half a millisecond there passes for a sixth of a moment of inertia. The traffic of such a run is
 played again (`traffic`), and samples and setpoints stand where it has them, if the answers' own stamps bear
-it out.
+it out. So they do on a quiet bus, if answers come when the traffic has them: their stamps hold the jitter of
+the replies, and an answer waits for the drive's status, 0.05 ms in the mean, which makes a kilogram on the
+axis [V].
 
-A drive with its own clock (`bus.retimed`) starts it when the first setpoint has come, so what that one frame
-waited shifts all it does in the run; frames before it, that no record holds, may have kept it waiting. The
-jumps of its force tell: the phase is taken at which the twin's fall on the rig's. (Encoders would take
-friction for a delay.)
+A drive takes a setpoint at the first tick of its position loop after it has come, 1 ms apart: of frames that
+come near a tick, a few microseconds decide whether they act now or a millisecond later, and a frame's length
+alone, by what is in it, differs by 48. A drive with its own clock (`bus.retimed`) starts it when the first
+setpoint has come, so what that one frame waited shifts all it does in the run; frames before it, that no
+record holds, may have kept it waiting. The jumps of its force tell either: setpoints are taken to come so
+late that the twin's jumps fall on the rig's. (Encoders would take friction for a delay.)
 """
 
 from __future__ import annotations
@@ -30,15 +34,23 @@ from hil.sim.twin import Twin
 
 Array = NDArray[np.float64]
 WAITED: Final = 2.0
-"""Times their jitter that answers must spread behind their slots before they count as having waited [R]."""
+"""Times their jitter that answers must spread behind their slots before they count as having waited, and that
+on a quiet bus they may typically be off where the traffic has them [R]."""
 BORNE_OUT: Final = 0.8
 """Share of that spread which the traffic must leave at most [R]."""
 QUICKEST: Final = 0.01
 """Share of the IMU's frames that counts as not having waited."""
 
 PHASE_S: Final = 1.25e-4
-PHASES_S: Final = tuple(PHASE_S * k for k in (0, -1, 1, -2, 2, -3, 3, -4, 4))
-"""By how much a drive's clock may be off what the first frame's wait makes it; half ticks of 4 kHz."""
+"""Half ticks of 4 kHz."""
+PHASES: Final = ((PHASE_S, 4),)
+"""Steps, and how many either way, by which a drive's clock may be off what its first frame's wait says."""
+LATE: Final = ((0.05, 10), (0.01, 5), (2e-3, 5), (5e-4, 4))
+"""The same for frames that come later than their stamps say, in ticks, each about the best before."""
+CLEARER: Final = 0.01
+"""What moving setpoints must take off a drive's jumps (`_jumps`) to be believed [R]."""
+JUMP: Final = 1.5
+"""Typical steps of force from which on one counts by its logarithm."""
 
 
 def placed(rig: RigFile, pieces: Sequence[Stretch]) -> list[Stretch]:
@@ -47,33 +59,53 @@ def placed(rig: RigFile, pieces: Sequence[Stretch]) -> list[Stretch]:
 
 
 def redrawn(rig: RigFile, piece: Stretch, rng: np.random.Generator) -> Stretch | None:
-    """A placed stretch with another draw of what the traffic left to chance; None for one left as stamped."""
+    """A placed stretch with another draw of what the traffic left to chance; None for one left as stamped.
+
+    Samples are all moved alike, by up to what answers typically come off where the traffic has them: request
+    or reply may have taken it.
+    """
     if piece.stamped is None:
         return None
     slots = _slots(rig, piece.stamped)
     one_queue = _spread(slots, _traffic(rig, piece.stamped, True)) < _spread(
         slots, _traffic(rig, piece.stamped, False)
     )
-    again = _by(rig, piece.stamped, slots, _traffic(rig, piece.stamped, one_queue, rng))
+    traffic = _traffic(rig, piece.stamped, one_queue, rng)
+    again = _later(_by(rig, piece.stamped, slots, traffic), piece.late_s)
+    off_s = _level(slots, traffic) * rng.uniform(-1.0, 1.0)
+    samples = dict(again.samples)
+    for signal in slots:
+        t, value = again.samples[signal]
+        samples[signal] = (t + off_s, value)
+    again = replace(again, samples=samples)
     if not rig.bus.retimed:
         return again
     off = {a: PHASE_S * float(rng.uniform(-1.0, 1.0)) for a in rig.actuator_names}
-    return replace(again, setpoints=_later(piece, off).setpoints)
+    return _later(again, off)
 
 
 def _placed(rig: RigFile, piece: Stretch) -> Stretch:
-    if rig.bus.schedule != "parameter" or any(
-        not len(piece.setpoints.get(a, ((), ()))[0]) for a in rig.actuator_names
-    ):
+    if any(not len(piece.setpoints.get(a, ((), ()))[0]) for a in rig.actuator_names):
+        return piece
+    return _as_late_as_jumps(rig, _by_traffic(rig, piece))
+
+
+def _by_traffic(rig: RigFile, piece: Stretch) -> Stretch:
+    if rig.bus.schedule != "parameter":
         return piece
     slots = _slots(rig, piece)
-    if not slots or _spread(slots) < WAITED * rig.bus.answer_jitter:
+    if not slots:
         return piece
-    traffics = [_traffic(rig, piece, one_queue) for one_queue in (False, True)]
-    best = min(traffics, key=lambda t: _spread(slots, t))
-    if _spread(slots, best) > BORNE_OUT * _spread(slots):
-        return piece
-    return _with_clocks(rig, _by(rig, piece, slots, best))
+    usual_s = WAITED * rig.bus.answer_jitter
+    best = min(
+        (_traffic(rig, piece, one_queue) for one_queue in (False, True)),
+        key=lambda t: _spread(slots, t),
+    )
+    if _spread(slots) < usual_s:
+        borne_out = float(np.mean(np.abs(_lateness(slots, best)))) < usual_s
+    else:
+        borne_out = _spread(slots, best) <= BORNE_OUT * _spread(slots)
+    return _by(rig, piece, slots, best) if borne_out else piece
 
 
 Slots = dict[str, tuple[int, NDArray[np.int64], Array]]
@@ -94,12 +126,22 @@ def _slots(rig: RigFile, piece: Stretch) -> Slots:
 
 def _spread(slots: Slots, traffic: Traffic | None = None) -> float:
     """Typical deviation of what answers came later than their slot, or than `traffic` has them, s."""
-    late = []
-    for i, k, lag in slots.values():
-        off = lag if traffic is None else lag - (traffic.answers[i] - traffic.sent[i])[k]
-        late.append(off)
-    flat = np.concatenate(late)
-    return float(np.mean(np.abs(flat - np.median(flat))))
+    late = _lateness(slots, traffic)
+    return float(np.mean(np.abs(late - np.median(late))))
+
+
+def _level(slots: Slots, traffic: Traffic) -> float:
+    """How much later than `traffic` has them answers typically came, s."""
+    return float(np.median(_lateness(slots, traffic)))
+
+
+def _lateness(slots: Slots, traffic: Traffic | None) -> Array:
+    return np.concatenate(
+        [
+            lag if traffic is None else lag - (traffic.answers[i] - traffic.sent[i])[k]
+            for i, k, lag in slots.values()
+        ]
+    )
 
 
 def _traffic(
@@ -135,19 +177,45 @@ def _by(rig: RigFile, piece: Stretch, slots: Slots, traffic: Traffic) -> Stretch
     return replace(piece, setpoints=setpoints, samples=samples, stamped=piece)
 
 
-def _with_clocks(rig: RigFile, piece: Stretch) -> Stretch:
-    """Setpoints moved to where drives with a clock of their own played them, by the jumps of force."""
+def _as_late_as_jumps(rig: RigFile, piece: Stretch) -> Stretch:
+    """`piece` with setpoints as late as the jumps of each drive's force say, where they say it clearly."""
     signals = {a: f"{a}.force" for a in rig.actuator_names if f"{a}.force" in piece.samples}
-    if not rig.bus.retimed or len(signals) < len(rig.actuators) or piece.mode != "position":
+    if len(signals) < len(rig.actuators) or piece.mode != "position":
+        return piece
+    turns: tuple[tuple[float, int], ...] = ()
+    if rig.bus.retimed:
+        turns = PHASES if piece.stamped is not None else ()
+    elif rig.bus.position_loop > rig.bus.speed_loop and rig.bus.interpolation == "linear":
+        turns = tuple((rig.bus.position_loop * step, most) for step, most in LATE)
+    if not turns:
         return piece
     twin = Twin(rig, payload=piece.payload)
-    jumps: dict[str, list[float]] = {a: [] for a in signals}
-    for off_s in PHASES_S:
-        job = replay_of(twin, _later(piece, dict.fromkeys(signals, off_s)), signals.values())
+
+    def steps(late_s: Mapping[str, float]) -> dict[str, Array]:
+        job = replay_of(twin, _later(piece, late_s), signals.values())
         answers = job.by_signal(job.run())
-        for a, signal in signals.items():
-            jumps[a].append(float(np.std(np.diff(piece.samples[signal][1] - answers[signal]))))
-    return _later(piece, {a: PHASES_S[int(np.argmin(x))] for a, x in jumps.items()})
+        return {a: np.abs(np.diff(piece.samples[s][1] - answers[s])) for a, s in signals.items()}
+
+    best = dict.fromkeys(signals, 0.0)
+    first = steps(best)
+    usual = {a: JUMP * float(np.median(s)) + 1e-12 for a, s in first.items()}
+    stamped = {a: _jumps(s, usual[a]) for a, s in first.items()}
+    least = dict(stamped)
+    for step_s, most in turns:
+        start = dict(best)
+        for k in sorted(range(-most, most + 1), key=abs)[1:]:
+            tried = {a: late_s + k * step_s for a, late_s in start.items()}
+            for a, s in steps(tried).items():
+                jumps = _jumps(s, usual[a])
+                if jumps < least[a]:
+                    least[a], best[a] = jumps, tried[a]
+    found = {a: s for a, s in best.items() if least[a] < stamped[a] - CLEARER}
+    return replace(_later(piece, found), late_s=found) if found else piece
+
+
+def _jumps(steps: Array, usual: float) -> float:
+    """Size of the jumps among `steps` of a force, large ones by their logarithm."""
+    return float(np.mean(np.log1p((steps / usual) ** 2)))
 
 
 def _later(piece: Stretch, by_s: Mapping[str, float]) -> Stretch:
