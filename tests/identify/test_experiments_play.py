@@ -49,7 +49,7 @@ def test_the_description_reads_back_as_it_was_written(played):
 
 def test_a_description_makes_the_same_motion_again(played):
     made, folder = played
-    again = design(experiment_of(folder).plan, load_rig("axis"))
+    again = design(experiment_of(str(folder)).plan, load_rig("axis"))
     assert np.array_equal(again.trajectory.poses, made.trajectory.poses)
     kept = read_cue_file(folder / EXPERIMENT_CSV).trajectory
     assert kept.poses == pytest.approx(made.trajectory.poses, abs=1e-9)

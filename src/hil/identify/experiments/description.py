@@ -113,12 +113,12 @@ def write_experiment(folder: Path, description: Description, trajectory: CueTraj
     write_cue_file(folder / EXPERIMENT_CSV, trajectory, description.rig, [note])
 
 
-def experiment_of(folder: Path) -> Description | None:
+def experiment_of(folder: str | Path) -> Description | None:
     """The description kept in a run folder, None where the run was no experiment.
 
     RunError names file, key and bound where it is damaged.
     """
-    path = folder / EXPERIMENT_TOML
+    path = Path(folder) / EXPERIMENT_TOML
     return read_experiment(path) if path.is_file() else None
 
 
