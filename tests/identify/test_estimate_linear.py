@@ -90,8 +90,8 @@ def test_what_the_twin_cannot_explain_of_the_jumps_widens_what_it_corrected() ->
         unexplained(axis, pieces, simulated(axis, pieces, {}))
         for pieces in (placed(axis, [right]), [wrong])
     ]
-    assert share[0] < 0.05
-    assert share[1] > 0.15
+    assert share[0] < 0.005
+    assert share[1] > 0.1
     viscous = [
         identify_linear(pieces, axis, LinearOptions(draws=1)).identification["axis.viscous"]
         for pieces in (placed(axis, [right]), [wrong])

@@ -98,10 +98,8 @@ def misfit(pieces: Sequence[Stretch], answers: Sequence[Stretch]) -> float:
 
 
 def unexplained(rig: RigFile, pieces: Sequence[Stretch], answers: Sequence[Stretch]) -> float:
-    """Share of the jumps of force between samples that the twin's `answers` do not have, beyond sensor noise.
-
-    As good as it has the jumps it knows what sampling makes of them.
-    """
+    """Share, by power, of the jumps of force between samples that the twin's `answers` do not have, beyond
+    sensor noise: about that of frames that came when nobody knows, and of what sampling makes of them."""
     noise = 2.0 * (rig.noise.force**2 + rig.noise.force_step**2 / 12.0)
     left, whole = 0.0, 0.0
     for piece, answer in zip(pieces, answers, strict=True):
@@ -110,7 +108,7 @@ def unexplained(rig: RigFile, pieces: Sequence[Stretch], answers: Sequence[Stret
                 jumps = np.diff(value - answer.samples[signal][1])
                 left += float(np.sum(jumps**2 - noise))
                 whole += float(np.sum(np.diff(value) ** 2 - noise))
-    return float(np.sqrt(min(max(left, 0.0) / max(whole, 1e-300), 1.0)))
+    return min(max(left, 0.0) / max(whole, 1e-300), 1.0)
 
 
 def simulated(
