@@ -23,6 +23,7 @@ from hil.gap.bicycle.next import propose_ride
 from hil.gap.next import next_experiment
 from hil.runs import load_run
 from hil.ui.diagnosis_page import diagnosis_page
+from hil.ui.page import with_unit
 
 SHOWN = 0.001
 """Probability below which a candidate is counted and not listed."""
@@ -89,7 +90,8 @@ def diagnose(
     if file is not None:
         writes[file] = lambda path: path.write_bytes(found.to_json() + b"\n")
     if report is not None:
-        writes[report] = lambda path: diagnosis_page(found, path)
+        names = [path.name for path in reference or ()]
+        writes[report] = lambda path: diagnosis_page(found, path, names)
     write_all(writes)
     if report is not None:
         err.print(f"page: {report}", soft_wrap=True, markup=False)
@@ -151,7 +153,8 @@ def show(found: Diagnosis) -> None:
         for name, p in c.parameters.items():
             if p.at_bound:
                 out.print(
-                    f"alarm: {c.location}.{c.effect}.{name} stands at its bound, {p.value:.4g} {p.unit}",
+                    f"alarm: {c.location}.{c.effect}.{name} stands at its bound, "
+                    f"{with_unit(f'{p.value:.4g}', p.unit)}",
                     style="yellow", markup=False, soft_wrap=True,
                 )  # fmt: skip
     for line in notes(found):
@@ -192,7 +195,7 @@ def _causes(causes: Sequence[Cause]) -> Table:
     )  # fmt: skip
     for c in causes:
         values = "\n".join(
-            f"{name} {p.value:.4g} ({p.ci[0]:.4g} … {p.ci[1]:.4g}) {p.unit}"
+            with_unit(f"{name} {p.value:.4g} ({p.ci[0]:.4g} … {p.ci[1]:.4g})", p.unit)
             for name, p in c.parameters.items()
         )
         table.add_row(
