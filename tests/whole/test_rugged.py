@@ -27,14 +27,14 @@ def test_a_spring_that_stiffens_and_swings_far_is_found() -> None:
     assert found.effects[0].parameters["stiffness"].value == pytest.approx(9e4, rel=0.15)
 
 
-@pytest.mark.parametrize("knee", [0.0, 0.12])
+@pytest.mark.parametrize("knee", [0.0, 0.3])
 def test_a_limit_is_found_whether_it_cuts_off_or_bends(knee: float) -> None:
     found = diagnose(record(effect("velocity_saturation", limit=0.115, knee=knee)), AXIS)
     assert found.verdict == "identified"
     (limit,) = found.effects
     assert limit.effect == "velocity_saturation"
     assert limit.parameters["limit"].value == pytest.approx(0.115, rel=0.01)
-    assert limit.parameters["knee"].value == pytest.approx(knee, abs=0.04)
+    assert limit.parameters["knee"].value == pytest.approx(knee, abs=0.08)
     assert not limit.parameters["knee"].at_bound
 
 

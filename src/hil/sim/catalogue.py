@@ -76,7 +76,7 @@ def _viscous(parameter: str) -> Spec:
     )  # fmt: skip
 
 
-KNEE = Spec("knee", "1", 0.0, 0.0, 0.5, 0.1)
+KNEE = Spec("knee", "1", 0.0, 0.0, 0.9, 0.2)
 """How softly what is asked for bends over to a limit; 0: it is cut off there."""
 
 ACTUATOR: Effects = {

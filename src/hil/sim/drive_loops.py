@@ -139,14 +139,14 @@ def _play(header, st, i, t):  # type: ignore[no-untyped-def]
 
 @inner
 def limited(value, limit, knee):  # type: ignore[no-untyped-def]
-    """`value` within +-limit: cut off there, or by a `knee` > 0 bent over to it,
-    value / (1 + |value / limit|^(1 / knee))^knee."""
-    if knee <= 0.0 or limit <= 0.0:
-        return min(max(value, -limit), limit)
-    ratio = abs(value) / limit
-    if ratio <= 1.0:
-        return value / (1.0 + ratio ** (1.0 / knee)) ** knee
-    return math.copysign(limit, value) / (1.0 + ratio ** (-1.0 / knee)) ** knee
+    """`value` within +-limit: cut off there, or by a `knee` > 0 bent over to it along a parabola, which
+    begins a knee's share of the limit below it and ends as far above."""
+    size, width = abs(value), knee * limit
+    if size <= limit - width:
+        return value
+    if size >= limit + width:
+        return math.copysign(limit, value)
+    return math.copysign(limit - (limit + width - size) ** 2 / (4.0 * width), value)
 
 
 @inner

@@ -20,7 +20,7 @@ RUGGED: Final = (".gap", ".delay", ".rate")
 ABOUT: Final = (0.6, 0.75, 0.87, 1.15, 1.3, 1.5)
 """Times the start, from the parameter's neutral value."""
 LIMIT: Final = ".limit"
-CLOSER: Final = ((0.97, 0.0), (0.98, 0.0), (0.99, 0.0), (1.01, 0.0), (1.0, 0.1), (1.0, 0.25))
+CLOSER: Final = ((0.97, 0.0), (0.98, 0.0), (0.99, 0.0), (1.01, 0.0), (1.0, 0.15), (1.0, 0.4))
 """Times the start of a limit, and knees."""
 SPRING: Final = ".compliance.stiffness"
 STIFFER: Final = (0.4, 0.55, 0.75, 1.0, 1.35, 1.8, 2.5)

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 SWINGS_HZ: Final = tuple(3.0 * 1.2**k for k in range(15))
 HARDER: Final = (0.0, 0.1, 0.3, 0.8)
 """How much a spring may stiffen: the more it is wound up, the faster it swings."""
-CLOSER: Final = ((0.96, 0.0), (0.98, 0.0), (1.0, 0.0), (1.0, 0.1), (1.0, 0.25))
+CLOSER: Final = ((0.96, 0.0), (0.98, 0.0), (1.0, 0.0), (1.0, 0.15), (1.0, 0.4))
 """Times the starts of a limit, and knees; a fit looks about the best of them (`hil.gap.fits.about`)."""
 STANDS: Final = 2.0
 """Floors on a signal of an actuator, or of the IMU, from which on it is asked whether it swings."""
