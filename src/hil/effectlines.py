@@ -81,8 +81,9 @@ def _faults(line: Effect, entries: Iterable[Parameter]) -> list[str]:
                 f"parameters.{name}: {line.effect} has no such parameter; it has {', '.join(mine)}"
             )
         elif not p.lower <= value <= p.upper:
+            unit = "" if p.unit == "1" else f" {p.unit}"
             faults.append(
-                f"parameters.{name}: {value:g} {p.unit} lies outside {p.lower:g}..{p.upper:g} {p.unit} "
+                f"parameters.{name}: {value:g}{unit} lies outside {p.lower:g}..{p.upper:g}{unit} "
                 f"({line.effect} at {line.location})"
             )
     return faults
