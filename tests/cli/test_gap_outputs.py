@@ -24,7 +24,9 @@ def computed(monkeypatch):
         monkeypatch.setattr(f"hil.cli.{module}.{call}", compute)
         monkeypatch.setattr(f"hil.cli.{module}.load_run", lambda path, rig: path)
     for module, name in (("gap", "gap_page"), ("gap_diagnose", "diagnosis_page")):
-        monkeypatch.setattr(f"hil.cli.{module}.{name}", lambda found, path, *names: path.write_text("page"))
+        monkeypatch.setattr(
+            f"hil.cli.{module}.{name}", lambda found, path, *names: path.write_text("page")
+        )
     monkeypatch.setattr("hil.cli.gap._show", lambda found: None)
     monkeypatch.setattr("hil.cli.gap_diagnose.show", lambda found: None)
     return begun
