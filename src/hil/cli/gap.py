@@ -60,16 +60,18 @@ def locate(
     settings = checked(load_any_rig(rig), rig)
     loaded = [load_run(path, settings) for path in runs]
     found = locate_any(loaded, settings, seed=seed)
-    if json is not None and str(json) == "-":
-        typer.echo(found.to_json().decode())
-    else:
-        _show(found)
     writes: dict[Path, Write] = {}
     if file is not None:
         writes[file] = lambda path: path.write_bytes(found.to_json() + b"\n")
     if report is not None:
         writes[report] = lambda path: gap_page(found, path)
-    write_all(writes)
+    try:
+        write_all(writes)
+    finally:  # files first: whoever reads the text may be gone by now
+        if json is not None and str(json) == "-":
+            typer.echo(found.to_json().decode())
+        else:
+            _show(found)
     if report is not None:
         err.print(f"page: {report}", soft_wrap=True, markup=False)
 

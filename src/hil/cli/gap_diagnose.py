@@ -82,17 +82,19 @@ def diagnose(
     )
     if propose and found.verdict == "ambiguous":
         found = with_proposal(found, settings, seed)
-    if json is not None and str(json) == "-":
-        typer.echo(found.to_json().decode())
-    else:
-        show(found)
     writes: dict[Path, Write] = {}
     if file is not None:
         writes[file] = lambda path: path.write_bytes(found.to_json() + b"\n")
     if report is not None:
         names = [path.name for path in reference or ()]
         writes[report] = lambda path: diagnosis_page(found, path, names)
-    write_all(writes)
+    try:
+        write_all(writes)
+    finally:  # files first: whoever reads the text may be gone by now
+        if json is not None and str(json) == "-":
+            typer.echo(found.to_json().decode())
+        else:
+            show(found)
     if report is not None:
         err.print(f"page: {report}", soft_wrap=True, markup=False)
 
