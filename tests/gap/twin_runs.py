@@ -24,11 +24,13 @@ def record(
     seed: int = 1,
     share: float = 1.0,
     step_m: float | None = None,
+    asked_s: float = 0.0012,
 ) -> pd.DataFrame:
     """What the axis with `effects` would have recorded: slow reversals, then a sum of faster sines; a drive
     that rounds its setpoints to `step_m`, where that is given.
 
-    Each drive answers position and force in turn, 20 ms apart each, as its rig file's bus does.
+    Each drive answers position and force in turn, 20 ms apart each, as its rig file's bus does, sampled
+    `asked_s` after a setpoint was sent.
     """
     rng = np.random.default_rng(seed)
     sent = np.arange(0.0, duration_s, rig.bus.cycle)
@@ -37,7 +39,7 @@ def record(
     lines = [(0.09, 0.21), (0.04, 0.47), (0.012, 1.3), (0.003, 3.1), (0.001, 6.3)]
     told = sum(a * np.sin(2 * np.pi * f * sent + p) for (a, f), p in zip(lines, phase, strict=True))
     told = share * fade * (told - told[0])
-    answered = sent + rig.bus.answer_delay + 0.0012
+    answered = sent + rig.bus.answer_delay + asked_s
     stamps = {"axis.position": answered[::2], "axis.force": answered[1::2]}
     twin = Twin(rig.model_copy(update={"effects": effects}))
     heard = told if step_m is None else step_m * np.round(told / step_m)

@@ -85,6 +85,14 @@ def test_tyres_that_give_way_in_curves_as_hard_ones_do_are_no_gap():
     assert diagnose_rides([run_of(ride, slipping)], NOMINAL).verdict == "no_gap"
 
 
+@pytest.mark.parametrize(("stiffness", "effects"), [(2.5e5, []), (7e4, ["tyre_compliance"])])
+def test_hard_tyres_are_healthy_and_soft_ones_a_finding(stiffness, effects):
+    tyres = ("tyre_compliance", "bicycle", {"stiffness": stiffness, "damping": 250.0})
+    found = diagnose_rides([ridden(short(), 22, tyres)], NOMINAL)
+    assert [x.effect for x in found.effects] == effects
+    assert found.verdict == ("identified" if effects else "no_gap")
+
+
 def test_what_a_calibrated_scale_is_off_by_is_left_of_gravity(healthy):
     problem = RideProblem(NOMINAL, [prepare(healthy, NOMINAL)])
     sd = {n.name: n.sd for n in ride_nuisances(NOMINAL, problem)}

@@ -27,8 +27,10 @@ class Bus(Settings):
     )
     answer_delay: NonNegative = Field(0.001, description="drive's sample instant to its answer, s")
     answer_jitter: NonNegative = Field(6e-5, description="standard deviation of that, s")
-    interpolation: Literal["linear", "hold"] = Field(
-        "linear", description="how the drive goes from setpoint to setpoint"
+    interpolation: Literal["linear", "linear_rests", "hold"] = Field(
+        "linear",
+        description="how the drive goes from setpoint to setpoint: along a line, along one that starts where "
+        "its last tick was (so it rests for a tick at each setpoint), or at once",
     )
     stagger: NonNegative = Field(
         0.0011, description="start of one drive's slot after the one before it (parameter), s"
@@ -43,6 +45,17 @@ class Bus(Settings):
     ] = Field(
         ("position", "force"), description="what successive parameter slots of a drive ask for"
     )
+
+    @property
+    def reach_s(self) -> float:
+        """From a setpoint's acting at the drive until the reference is there, on average over a cycle."""
+        if self.interpolation == "hold":
+            return 0.5 * self.cycle
+        if self.interpolation == "linear":
+            return self.cycle
+        # A line of n ticks that begins a tick late falls (n + 1) / 2 (n - 1) ticks behind.
+        ticks = max(self.cycle / self.position_loop, 2.0)
+        return self.cycle + 0.5 * self.position_loop * (ticks + 1.0) / (ticks - 1.0)
 
 
 class FurtherBus(Settings):

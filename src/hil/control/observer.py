@@ -273,7 +273,7 @@ def observer_parameters(rig: RigFile) -> NDArray[np.float64]:
         row[kalman.LAG] = a.effective_mass / max(a.speed_gain, 1.0e-3 * a.effective_mass)
         row[kalman.V_MAX] = a.velocity_max
         row[kalman.K_FV] = 1.0 if rig.control.precontrol else a.velocity_ff
-        row[kalman.RAMP] = rig.bus.cycle if rig.bus.interpolation == "linear" else 0.0
+        row[kalman.RAMP] = rig.bus.cycle if rig.bus.interpolation != "hold" else 0.0
         row[kalman.NOISE] = rig.control.observer**6 * position_variance(rig) * period
     return rows
 

@@ -41,5 +41,5 @@ def setpoint_leads(rig: RigFile) -> NDArray[np.float64]:
     A straight line arrives one cycle after its start, a held value is right half a cycle late; a drive
     with its own clock plays setpoints another cycle later.
     """
-    late_s = 0.0 if rig.bus.interpolation == "linear" else -0.5 * rig.bus.cycle
+    late_s = rig.bus.reach_s - rig.bus.cycle
     return slot_offsets(rig) + late_s + (rig.bus.cycle if rig.bus.retimed else 0.0)

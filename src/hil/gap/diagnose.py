@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import pandas as pd
@@ -18,8 +19,10 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
+from hil.gap.catalogue.sprung import sprung_twin
+from hil.gap.fits.evidence import explains_better
 from hil.gap.fits.fitted import Calibrated, Fit
-from hil.gap.fits.heldout import split
+from hil.gap.fits.heldout import Split, split
 from hil.gap.fits.rounded import rounded
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.rounding import coarse_steps
@@ -28,7 +31,9 @@ from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.older import as_it_was
 from hil.gap.judged.verdict import answer, stands
 from hil.gap.located.locate import locate
+from hil.gap.located.rests import rest_found, resting_twin, seems_to_rest
 from hil.gap.located.result import Located
+from hil.gap.located.sanity import Finding
 from hil.gap.record.problem import Problem
 from hil.gap.record.runs import as_runs
 from hil.gap.search.candidates import fit_candidates
@@ -36,6 +41,9 @@ from hil.gap.search.linear import Search
 from hil.runs import Run
 
 Report = Callable[[str], None]
+
+SPRINGY: Final = ("compliance", "loop_gain")
+"""What transmissions that give a little look like to a twin whose do not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +61,13 @@ class Considered:
     """What those are, in words."""
     is_large: bool
     """Whether the gap stands by itself, whatever explains it."""
+    rests: Finding | None = None
+    """What to say of drives that rest for a tick at each setpoint, unlike those of the rig file."""
+
+    @property
+    def rig(self) -> RigFile:
+        """Of the twin."""
+        return self.located.evidence.problem.rig
 
     def answer(self, seed: int = 0) -> Diagnosis:
         """The verdict on it."""
@@ -94,13 +109,16 @@ def consider(
     say = report or (lambda _: None)
     loaded = as_runs(runs, rig)
     healthy = as_runs(references, rig)
-    found, nuisances, older = None, None, None
+    found, nuisances, older, rests = None, None, None, None
     if healthy:
         say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
         if found.is_gap:
             say("the references differ from the twin themselves: what explains that comes first")
-            was = diagnose(healthy, rig, without=without, seed=seed, report=report)
+            first = consider(healthy, rig, without=without, seed=seed, report=report)
+            was = first.answer(seed)
+            if first.rests is not None:
+                rig, found, rests = resting_twin(rig), first.located, first.rests
             if was.verdict != "no_gap":
                 effects, older = as_it_was(rig.effects, was)
                 rig = rig.model_copy(update={"effects": effects})
@@ -108,11 +126,36 @@ def consider(
         nuisances = as_found(found, _nuisances(found.evidence.problem))
     say("locating the gap")
     located = locate(loaded, rig, nuisances=nuisances, healthy=found, seed=seed)
-    if older is not None:
-        located = replace(located, findings=(*located.findings, older))
+    mine, parts = _considered(located, nuisances, without, seed, say)
+    if not healthy and seems_to_rest(located):
+        say("once more with drives that rest for a tick at each setpoint")
+        resting = locate(loaded, resting_twin(rig), seed=seed)
+        other, _ = _considered(resting, None, without, seed, say, parts)
+        if explains_better(mine.calibrated, mine.fits, other.fits):
+            mine, rests = other, rest_found(rig)
+    if _may_be_springs(mine, seed):
+        say("once more with transmissions that give a little, as healthy ones do")
+        soft = locate(loaded, sprung_twin(mine.rig), nuisances=nuisances, healthy=found, seed=seed)
+        other, _ = _considered(soft, nuisances, without, seed, say, parts)
+        if other.answer(seed).verdict == "no_gap":
+            mine = other
+    known = [f for f in (rests, older) if f is not None]
+    told = replace(mine.located, findings=(*mine.located.findings, *known))
+    return replace(mine, located=told, rests=rests)
+
+
+def _considered(
+    located: Located,
+    nuisances: Sequence[Nuisance] | None,
+    without: Collection[str],
+    seed: int,
+    say: Report,
+    parts: Split | None = None,
+) -> tuple[Considered, Split]:
+    """What explains what was located, and which samples fits saw: those of `parts`, where they are given."""
     e = located.evidence
     whole = e.problem
-    parts = split(whole, e.noise, e.residual)
+    parts = parts or split(whole, e.noise, e.residual)
     chosen = tuple(nuisances or _nuisances(whole))
     steps = {} if "sensor_quantisation" in without else coarse_steps(whole, e.residual)
     c, none = begin(e, parts, chosen, steps, seed)
@@ -129,7 +172,15 @@ def consider(
     if steps:
         fits = rounded(c, fits, steps)
     held = ~parts.train(whole)
-    return Considered(located, c, tuple(fits), bank, held, parts.text, is_large)
+    return Considered(located, c, tuple(fits), bank, held, parts.text, is_large), parts
+
+
+def _may_be_springs(found: Considered, seed: int) -> bool:
+    """Whether what was found is small, or what a stiff twin says of transmissions that give a little."""
+    told = found.answer(seed)
+    if told.verdict == "no_gap":
+        return False
+    return not found.is_large or any(x.effect in SPRINGY for x in told.effects)
 
 
 def _nuisances(problem: Problem) -> tuple[Nuisance, ...]:

@@ -1,12 +1,13 @@
 """The servo drive: setpoints into a reference, P position loop, PI speed loop, current-loop lag.
 
 Drive model of the project's rigs [M: CDD3000 class drive]: setpoints arrive each bus cycle T_c; the drive
-runs in a straight line to a new one over one T_c (`linear`), from the first position-loop tick after its
-arrival, or jumps (`hold`). `retimed`: setpoints wait in a queue and the drive takes one each T_c of its
-own clock, which starts one cycle after the first arrival, so send jitter below half a cycle does not show;
-where the next one has waited less (one before it was lost) the drive pauses a cycle. Law "pd":
-F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static ("Towards Simulating a Mid-size Stewart Platform
-on a Large Hexapod Simulator", eqs (7)-(8), with damping on the speed error [R]).
+runs in a straight line to a new one over one T_c, from the first position-loop tick after its arrival, or
+jumps (`hold`). The line starts where the one before it would be by then (`linear`), or where the last tick
+was, so that the drive rests for a tick (`linear_rests`). `retimed`: setpoints wait in a queue and the drive
+takes one each T_c of its own clock, which starts one cycle after the first arrival, so send jitter below half
+a cycle does not show; where the next one has waited less (one before it was lost) the drive pauses a cycle.
+Law "pd": F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static ("Towards Simulating a Mid-size Stewart
+Platform on a Large Hexapod Simulator", eqs (7)-(8), with damping on the speed error [R]).
 
 A setpoint's delay therefore counts in whole ticks. With the model's flag for smooth arrivals the line starts
 half a position tick after the arrival, between ticks: the mean of the real start, smooth in every delay.
@@ -105,7 +106,10 @@ def _start_segment(header, st, i, target, t):  # type: ignore[no-untyped-def]
         st[lay.S_T1, i] = t
         return
     cycle = header[lay.H_CYCLE]
-    start, _ = reference(st, i, t)
+    asked = t
+    if header[lay.H_LINEAR] == lay.RESTS:
+        asked -= header[lay.H_DT] * header[lay.H_POSITION_TICKS]
+    start, _ = reference(st, i, asked)
     # A segment that ended a moment ago (jitter) still counts as the speed before.
     before = st[lay.S_SLOPE, i] if t <= st[lay.S_T1, i] + 0.5 * cycle else 0.0
     slope = (target - start) / cycle

@@ -45,7 +45,7 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
     pd = any(a.law == "pd" for a in rig.actuators)
     header = [
         float(kind_code(rig)), len(rig.actuators), bus.speed_loop, round(ticks), bus.cycle,
-        bus.setpoint_delay, bus.interpolation == "linear", bus.retimed, substeps, len(geometry),
+        bus.setpoint_delay, lay.INTERPOLATIONS[bus.interpolation], bus.retimed, substeps, len(geometry),
         rig.imu is not None, pd, rig.imu.delay if rig.imu else 0.0,
         bus.answer_delay, smooth and bus.cycle > 1.5 * bus.position_loop,
     ]  # fmt: skip

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 Error = Callable[[RideTwin, str, Array], Array]
 """(N,) of a signal of a ride, given its values (N,)."""
 
+TYRE: Final = "bicycle.tyre_compliance"
 DRAWS: Final = 8
 WINDOW_S: Final = 1.5
 ENVELOPE_S: Final = 0.4
@@ -64,9 +65,12 @@ TILT: Final = 0.0015
 """rad of the steer axis: a tenth of a degree [R]."""
 LATE_S: Final = 0.001
 """Of lean, wheel and steer against each other: a tenth of a sample [R]."""
-SLIP: Final = 4e-4
+SLIP: Final = 8e-4
 """rad for each m/s² across, of a hard tyre's slip and of what fork and frame give way [R]: what is steered
 is not where the wheels roll."""
+FIRM: Final = (2.5e5, 250.0)
+"""N/m and N s/m of a hard tyre under its load, one standard deviation softer than none that gives [R: road
+tyres have 150 to 300 kN/m]."""
 EDGE: Final = 1.4
 """Standard deviations of all that a bicycle may be off by and need no explanation."""
 
@@ -227,8 +231,11 @@ def _slipped(twin: RideTwin, values: Mapping[str, float], rng: np.random.Generat
 
 
 def _mounted(values: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:
-    """`values` with sensors that are as true as calibrated ones are."""
+    """`values` with tyres that give as hard ones do, and sensors that are as true as calibrated ones are."""
     out = dict(values)
+    if not np.isfinite(out[f"{TYRE}.stiffness"]):
+        out[f"{TYRE}.stiffness"] = FIRM[0] / max(abs(rng.standard_normal()), 1e-3)
+        out[f"{TYRE}.damping"] = FIRM[1]
     for s in (*SIGNALS, *IMU_SIGNALS):
         out[f"{s}.sensor_scale.scale"] *= 1.0 + SCALE * rng.standard_normal()
         if s in SIGNALS:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -54,6 +54,8 @@ ODDS: Final = 1.2
 """Such units by which the best of those is ahead of the others at most, and again for each parameter that
 these data determine of another beyond its own: what is that small is how this rig differs from the twin, not
 which of them it is. Laws of friction that hold one another are excepted."""
+OTHER_TWIN: Final = 5.0
+"""Nats by which another twin must explain better to be the right one: rig files are right most often."""
 LONGEST_LAG: Final = 60
 LEAST: Final = 20
 """Samples of a series from which on its residual tells anything."""
@@ -132,6 +134,19 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     p /= p.sum()
     order = np.argsort(-worth_of)
     return [Weighed(fits[k], float(logs[k]), float(p[k])) for k in order], worth
+
+
+def explains_better(c: Calibrated, fits: Sequence[Fit], others: Sequence[Fit]) -> bool:
+    """Whether the best of `others`, fits of another twin to the same samples, beats all `fits` of the twin
+    that `c` is of by more than OTHER_TWIN nats."""
+    seen = [replace(f, white=c.noise.whiten(c.problem, f.residual)) for f in others]
+    tempers = temper(c, min((*fits, *seen), key=lambda f: f.total(c)))
+    loose = float(np.mean([t.spread**2 * t.counted(c.problem.discount) for t in tempers.values()]))
+    first, second = (
+        max(log_likelihood(c, f, tempers) + log_freedom(c, f, loose) for f in group)
+        for group in (fits, seen)
+    )
+    return second > first + OTHER_TWIN
 
 
 def _asked_for(c: Calibrated, fits: Sequence[Fit]) -> list[tuple[int, list[int]]]:

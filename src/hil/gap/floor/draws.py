@@ -91,7 +91,7 @@ def _unknown_force(rig: RigFile, shape: tuple[int, ...], rng: np.random.Generato
 
 
 def _anywhere(rig: RigFile, rng: np.random.Generator) -> Ticks | None:
-    if rig.bus.retimed or rig.bus.interpolation != "linear":
+    if rig.bus.retimed or rig.bus.interpolation == "hold":
         return None
     return Ticks(float(rng.random()) * rig.bus.position_loop, 0.0, 0.0)
 

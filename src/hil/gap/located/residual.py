@@ -143,6 +143,11 @@ def _moved(problem: Problem, nuisances: Sequence[Nuisance], vector: Array, steps
     return out
 
 
+def counted(white: Array) -> Array:
+    """What each whitened residual counts: those beyond HUBER as much as one there."""
+    return np.asarray(np.minimum(1.0, HUBER / np.maximum(np.abs(white), 1e-12)))
+
+
 def _step(
     J: Array, white: Array, z: Array, lower: Array, upper: Array, discount: float
 ) -> tuple[Array, Array]:
@@ -150,9 +155,7 @@ def _step(
     new = np.array(z)
     information = np.eye(len(z))
     for _ in range(WEIGHT_ROUNDS):
-        left = np.abs(white - J @ (new - z))
-        weight = np.minimum(1.0, HUBER / np.maximum(left, 1e-12))
-        weighted = J * weight[:, None]
+        weighted = J * counted(white - J @ (new - z))[:, None]
         information = weighted.T @ J / discount + np.eye(len(z))
         gradient = weighted.T @ (white + J @ z) / discount
         root = np.linalg.cholesky(information)

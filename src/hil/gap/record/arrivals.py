@@ -50,7 +50,7 @@ def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
     bus = problem.rig.bus
     if bus.retimed:
         return _started(problem)
-    if bus.position_loop <= bus.speed_loop or bus.interpolation != "linear":
+    if bus.position_loop <= bus.speed_loop or bus.interpolation == "hold":
         return {}
     tick = bus.position_loop
     pieces = problem.pieces

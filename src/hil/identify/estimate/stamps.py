@@ -185,7 +185,7 @@ def _as_late_as_jumps(rig: RigFile, piece: Stretch) -> Stretch:
     turns: tuple[tuple[float, int], ...] = ()
     if rig.bus.retimed:
         turns = PHASES if piece.stamped is not None else ()
-    elif rig.bus.position_loop > rig.bus.speed_loop and rig.bus.interpolation == "linear":
+    elif rig.bus.position_loop > rig.bus.speed_loop and rig.bus.interpolation != "hold":
         turns = tuple((rig.bus.position_loop * step, most) for step, most in LATE)
     if not turns:
         return piece

@@ -188,8 +188,7 @@ def shift_s(rig: RigFile, name: str) -> float:
     if quantity == "force_setpoint":
         return bus.setpoint_delay
     if quantity == "setpoint":
-        cycles = (1.0 if bus.interpolation == "linear" else 0.5) + (1.0 if bus.retimed else 0.0)
-        return bus.setpoint_delay + cycles * bus.cycle
+        return bus.setpoint_delay + bus.reach_s + (bus.cycle if bus.retimed else 0.0)
     return -bus.answer_delay
 
 

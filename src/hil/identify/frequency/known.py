@@ -52,7 +52,7 @@ def drives_response(
     if speed_rms is not None:
         viscous = viscous + np.sqrt(2.0 / np.pi) * column("coulomb") / speed_rms
     is_pd = np.array([a.law == "pd" for a in rig.actuators])
-    hold = np.sinc(hz * rig.bus.cycle) ** (2 if rig.bus.interpolation == "linear" else 1)
+    hold = np.sinc(hz * rig.bus.cycle) ** (2 if rig.bus.interpolation != "hold" else 1)
     out = np.empty(len(hz), dtype=complex)
     for n, f in enumerate(hz):
         s = 2j * np.pi * f
