@@ -48,6 +48,17 @@ def test_a_slow_drag_below_the_noise_is_a_gap_where_it_towers_above_its_band(tim
     assert verdict == "unknown" or found.sentence.startswith("No gap")
 
 
+@pytest.mark.parametrize(("displacement", "is_spring"), [(0.002, False), (0.05, True)])
+def test_a_hysteresis_that_gives_way_over_much_of_the_travel_is_a_spring(displacement, is_spring):
+    names = ("axis.hysteresis.force", "axis.hysteresis.displacement")
+    leaf = Leaf("hysteresis", "axis", names, (), None)
+    part = slice(0, 3)
+    series = [SimpleNamespace(actuator="axis", quantity="position", part=part)]
+    problem = SimpleNamespace(measured=np.array([-0.1, 0.0, 0.1]), series=series)
+    fit = SimpleNamespace(names=names, values=np.array([40.0, displacement]))
+    assert module._never_slides(SimpleNamespace(problem=problem), fit, leaf) is is_spring
+
+
 @pytest.mark.parametrize(("power", "verdict"), [(1, "identified"), (2, "unknown")])
 def test_drag_with_the_square_of_speed_is_no_viscous_friction_though_little_is_left(power, verdict):
     frame = record()
