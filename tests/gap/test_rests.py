@@ -1,25 +1,14 @@
-"""Drives that rest for a tick at each setpoint: a healthy rig, not one with viscous friction."""
+"""Drives that rest for a tick at each setpoint: whether a record may be one of theirs."""
 
 import numpy as np
 import pytest
 
-from hil.gap.diagnose import diagnose
 from hil.gap.located.locate import locate
+from hil.gap.located.rests import may_rest, resting_twin, seems_to_rest
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
 
-RESTING = AXIS.model_copy(
-    update={"bus": AXIS.bus.model_copy(update={"interpolation": "linear_rests"})}
-)
-
-
-def resting(*effects, seed=1):
-    """A record of drives that rest, their force asked for where it no longer swings."""
-    return record(*effects, rig=RESTING, seed=seed, asked_s=0.004)
-
-
-def is_told(found):
-    return any(f.subject == "bus.interpolation" for f in found.findings)
+RESTING = resting_twin(AXIS)
 
 
 def test_the_reference_falls_behind_by_what_the_bus_says():
@@ -34,34 +23,22 @@ def test_the_reference_falls_behind_by_what_the_bus_says():
     assert behind_s == pytest.approx(RESTING.bus.reach_s - AXIS.bus.reach_s, rel=0.02)
 
 
-def test_a_healthy_rig_whose_drives_rest_has_no_gap_and_the_reader_is_told():
-    answer = diagnose(resting(), AXIS)
-    assert answer.verdict == "no_gap"
-    assert is_told(answer.located)
-
-
-def test_an_effect_is_named_beside_the_rest():
-    answer = diagnose(resting(effect("coulomb_friction", force=40.0)), AXIS)
-    assert is_told(answer.located)
-    assert [(x.effect, x.location) for x in answer.effects] == [("coulomb_friction", "axis")]
-
-
-def test_a_rest_of_the_references_is_one_of_the_run():
-    run = resting(effect("coulomb_friction", force=40.0), seed=2)
-    answer = diagnose(run, AXIS, references=resting())
-    assert is_told(answer.located)
-    assert answer.located.evidence.problem.rig.bus.interpolation == "linear_rests"
-    assert [(x.effect, x.location) for x in answer.effects] == [("coulomb_friction", "axis")]
+def test_a_record_of_drives_that_rest_seems_to_be_one():
+    assert seems_to_rest(locate(record(rig=RESTING, asked_s=0.004), AXIS))
 
 
 @pytest.mark.parametrize(
     "what",
-    [
-        effect("viscous_friction", coefficient=900.0),
-        effect("transport_delay", delay=0.0011),
-        effect("loop_gain", position=0.92),
-    ],
+    [effect("transport_delay", delay=0.0011), effect("loop_gain", position=0.92)],
     ids=lambda e: e.effect,
 )
-def test_what_looks_like_a_rest_is_not_taken_for_one(what):
-    assert not is_told(locate(record(what), AXIS))
+def test_what_is_late_as_a_drive_that_rests_does_not_seem_to(what):
+    assert not seems_to_rest(locate(record(what), AXIS))
+
+
+def test_only_drives_that_draw_lines_on_arrival_are_asked():
+    assert may_rest(AXIS)
+    assert not may_rest(RESTING)
+    held = AXIS.bus.model_copy(update={"interpolation": "hold"})
+    own_clock = AXIS.bus.model_copy(update={"retimed": True})
+    assert not any(may_rest(AXIS.model_copy(update={"bus": b})) for b in (held, own_clock))

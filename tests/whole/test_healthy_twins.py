@@ -1,0 +1,69 @@
+"""What a twin of another healthy rig explains is no finding; what it does not is one (docs/decisions/0008)."""
+
+import math
+
+from hil.gap.diagnose import diagnose
+from hil.gap.located.rests import resting_twin
+from tests.gap.twin_runs import AXIS, effect, record
+
+QUIET = AXIS.model_copy(
+    update={"noise": AXIS.noise.model_copy(update={"force": 1.0, "force_step": 0.5})}
+)
+"""A drive whose current is quiet enough to show what a screw gives."""
+COULOMB = effect("coulomb_friction", force=40.0)
+
+
+def resting(*effects, seed=1):
+    """A record of drives that rest for a tick, their force asked for where it no longer swings."""
+    return record(*effects, rig=resting_twin(AXIS), seed=seed, asked_s=0.004)
+
+
+def spring(stiffness):
+    damping = 0.1 * math.sqrt(stiffness * AXIS.mass.m)
+    return effect("compliance", stiffness=stiffness, damping=damping)
+
+
+def is_told(answer):
+    return any(f.subject == "bus.interpolation" for f in answer.located.findings)
+
+
+def named(answer):
+    return [(x.effect, x.location) for x in answer.effects]
+
+
+def test_a_healthy_rig_whose_drives_rest_has_no_gap_and_the_reader_is_told():
+    answer = diagnose(resting(), AXIS)
+    assert answer.verdict == "no_gap"
+    assert is_told(answer)
+
+
+def test_an_effect_is_named_beside_the_rest():
+    answer = diagnose(resting(COULOMB), AXIS)
+    assert is_told(answer)
+    assert named(answer) == [("coulomb_friction", "axis")]
+
+
+def test_a_rest_of_the_references_is_one_of_the_run():
+    answer = diagnose(resting(COULOMB, seed=2), AXIS, references=resting())
+    assert is_told(answer)
+    assert answer.located.evidence.problem.rig.bus.interpolation == "linear_rests"
+    assert named(answer) == [("coulomb_friction", "axis")]
+
+
+def test_viscous_friction_is_not_taken_for_drives_that_rest():
+    answer = diagnose(record(effect("viscous_friction", coefficient=900.0)), AXIS)
+    assert not is_told(answer)
+    assert named(answer) == [("viscous_friction", "axis")]
+
+
+def test_a_screw_of_forty_newtons_a_micrometre_is_healthy():
+    told = []
+    answer = diagnose(record(spring(4e7), rig=QUIET, share=1.8), QUIET, report=told.append)
+    assert any("transmissions" in line for line in told)
+    assert answer.verdict == "no_gap"
+
+
+def test_a_screw_of_three_newtons_a_micrometre_is_not():
+    answer = diagnose(record(spring(3e6), rig=QUIET), QUIET)
+    assert named(answer) == [("compliance", "axis")]
+    assert 2.5e6 < answer.effects[0].parameters["stiffness"].value < 3.5e6
