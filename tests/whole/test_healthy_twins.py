@@ -1,4 +1,4 @@
-"""What a twin of another healthy rig explains is no finding; what it does not is one (docs/decisions/0008)."""
+"""What a twin of another healthy rig explains is no finding; what none does is one (decision 8)."""
 
 import math
 
