@@ -46,6 +46,20 @@ def test_folders_of_answers_are_made(command, computed, tmp_path):
 
 
 @pytest.mark.parametrize("command", ["locate", "diagnose"])
+def test_files_are_there_though_nobody_reads_the_text(command, computed, tmp_path, monkeypatch):
+    def gone(found):
+        raise BrokenPipeError
+
+    monkeypatch.setattr("hil.cli.gap._show", gone)
+    monkeypatch.setattr("hil.cli.gap_diagnose.show", gone)
+    answer, page = tmp_path / "x.json", tmp_path / "y.html"
+    with pytest.raises(BrokenPipeError):
+        told(command, "--json", answer, "--report", page)
+    assert answer.read_text() == "{}\n"
+    assert page.read_text() == "page"
+
+
+@pytest.mark.parametrize("command", ["locate", "diagnose"])
 def test_a_place_that_cannot_be_written_is_named_before_anything_is_computed(
     command, computed, tmp_path
 ):

@@ -8,14 +8,14 @@ from typing import Annotated
 import typer
 from rich.table import Column, Table
 
-from hil.cli.console import err, out
+from hil.cli.console import out
 from hil.cli.exam import app as exam
 from hil.cli.gap_apply import apply
 from hil.cli.gap_batch import batch
 from hil.cli.gap_diagnose import diagnose
 from hil.cli.gap_next import next_experiment
 from hil.cli.gap_rest import rest
-from hil.cli.outputs import Write, make_ready, write_all
+from hil.cli.outputs import Outputs
 from hil.configfile import load_any_rig
 from hil.effectlines import checked
 from hil.gap import Located
@@ -55,25 +55,12 @@ def locate(
     seed: Annotated[int, typer.Option(min=0, help="Of the noise that is drawn.")] = 0,
 ) -> None:
     """Find the gap by signal, frequency band and operating region, above the floor of noise."""
-    file = None if json is None or str(json) == "-" else json
-    make_ready(file, report)
+    outputs = Outputs(json, report)
+    outputs.make_ready()
     settings = checked(load_any_rig(rig), rig)
     loaded = [load_run(path, settings) for path in runs]
     found = locate_any(loaded, settings, seed=seed)
-    writes: dict[Path, Write] = {}
-    if file is not None:
-        writes[file] = lambda path: path.write_bytes(found.to_json() + b"\n")
-    if report is not None:
-        writes[report] = lambda path: gap_page(found, path)
-    try:
-        write_all(writes)
-    finally:  # files first: whoever reads the text may be gone by now
-        if json is not None and str(json) == "-":
-            typer.echo(found.to_json().decode())
-        else:
-            _show(found)
-    if report is not None:
-        err.print(f"page: {report}", soft_wrap=True, markup=False)
+    outputs.give(found.to_json, lambda path: gap_page(found, path), lambda: _show(found))
 
 
 app.command()(diagnose)

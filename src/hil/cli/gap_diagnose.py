@@ -12,7 +12,7 @@ import typer
 from rich.table import Column, Table
 
 from hil.cli.console import err, out
-from hil.cli.outputs import Write, make_ready, write_all
+from hil.cli.outputs import Outputs
 from hil.config import AnyRig, BicycleFile
 from hil.configfile import load_any_rig
 from hil.effectlines import checked, effect_names
@@ -68,8 +68,8 @@ def diagnose(
 
     Exit status 0 whatever the verdict; 2 where the data cannot be judged.
     """
-    file = None if json is None or str(json) == "-" else json
-    make_ready(file, report)
+    outputs = Outputs(json, report)
+    outputs.make_ready()
     settings = checked(load_any_rig(rig), rig)
     without = all_but(settings, effects)
     found = diagnose_any(
@@ -82,21 +82,10 @@ def diagnose(
     )
     if propose and found.verdict == "ambiguous":
         found = with_proposal(found, settings, seed)
-    writes: dict[Path, Write] = {}
-    if file is not None:
-        writes[file] = lambda path: path.write_bytes(found.to_json() + b"\n")
-    if report is not None:
-        names = [path.name for path in reference or ()]
-        writes[report] = lambda path: diagnosis_page(found, path, names)
-    try:
-        write_all(writes)
-    finally:  # files first: whoever reads the text may be gone by now
-        if json is not None and str(json) == "-":
-            typer.echo(found.to_json().decode())
-        else:
-            show(found)
-    if report is not None:
-        err.print(f"page: {report}", soft_wrap=True, markup=False)
+    names = [path.name for path in reference or ()]
+    outputs.give(
+        found.to_json, lambda path: diagnosis_page(found, path, names), lambda: show(found)
+    )
 
 
 def with_proposal(found: Diagnosis, rig: AnyRig, seed: int) -> Diagnosis:

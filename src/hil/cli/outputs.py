@@ -4,11 +4,52 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
+import typer
+
+from hil.cli.console import err
 from hil.errors import RunError
 
 Write = Callable[[Path], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """Where a command's answer goes: into JSON (`-`: to stdout, in the text's place), onto a page."""
+
+    json: Path | None
+    page: Path | None
+
+    @property
+    def json_file(self) -> Path | None:
+        """None where JSON is not asked for, or goes to stdout."""
+        return None if self.json is None or str(self.json) == "-" else self.json
+
+    def make_ready(self) -> None:
+        """Make the folders of both; RunError names each path that cannot be written."""
+        make_ready(self.json_file, self.page)
+
+    def give(self, answer: Callable[[], bytes], draw: Write, show: Callable[[], None]) -> None:
+        """Write the JSON `answer` and `draw` the page, then `show` the text: whoever reads it may be gone.
+
+        RunError as `write_all`.
+        """
+        writes: dict[Path, Write] = {}
+        if self.json_file is not None:
+            writes[self.json_file] = lambda path: path.write_bytes(answer() + b"\n")
+        if self.page is not None:
+            writes[self.page] = draw
+        try:
+            write_all(writes)
+        finally:
+            if self.json is not None and self.json_file is None:
+                typer.echo(answer().decode())
+            else:
+                show()
+        if self.page is not None:
+            err.print(f"page: {self.page}", soft_wrap=True, markup=False)
 
 
 def make_ready(*paths: Path | None) -> None:
