@@ -61,6 +61,7 @@ def test_a_screw_of_forty_newtons_a_micrometre_is_healthy():
     answer = diagnose(record(spring(4e7), rig=QUIET, share=1.8), QUIET, report=told.append)
     assert any("transmissions" in line for line in told)
     assert answer.verdict == "no_gap"
+    assert any(f.subject == "transmissions" for f in answer.located.findings)
 
 
 def test_a_screw_of_three_newtons_a_micrometre_is_not():

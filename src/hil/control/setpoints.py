@@ -38,8 +38,9 @@ def slot_offsets(rig: RigFile) -> NDArray[np.float64]:
 def setpoint_leads(rig: RigFile) -> NDArray[np.float64]:
     """Time from a reference's instant, one cycle ahead, to each drive's reaching its setpoint (n,), s.
 
-    A straight line arrives one cycle after its start, a held value is right half a cycle late; a drive
-    with its own clock plays setpoints another cycle later.
+    A straight line arrives one cycle after its start, later where the drive rests for a tick first, a held
+    value is right half a cycle late (`Bus.reach_s`); a drive with its own clock plays setpoints another cycle
+    later.
     """
     late_s = rig.bus.reach_s - rig.bus.cycle
     return slot_offsets(rig) + late_s + (rig.bus.cycle if rig.bus.retimed else 0.0)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
-from hil.gap.catalogue.sprung import sprung_twin
+from hil.gap.catalogue.sprung import BEND_HZ, sprung_twin
 from hil.gap.fits.evidence import explains_better
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Split, split
@@ -44,6 +44,11 @@ Report = Callable[[str], None]
 
 SPRINGY: Final = ("compliance", "loop_gain")
 """What transmissions that give a little look like to a twin whose do not."""
+SPRINGS: Final = Finding(
+    "info", "transmissions",
+    f"a twin whose loads swing on their transmissions at {BEND_HZ:g} Hz, as healthy ones do, explains what a "
+    "stiff one does not: what is shown is that twin's",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +114,7 @@ def consider(
     say = report or (lambda _: None)
     loaded = as_runs(runs, rig)
     healthy = as_runs(references, rig)
-    found, nuisances, older, rests = None, None, None, None
+    found, nuisances, older, rests, springs = None, None, None, None, None
     if healthy:
         say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
@@ -138,8 +143,8 @@ def consider(
         soft = locate(loaded, sprung_twin(mine.rig), nuisances=nuisances, healthy=found, seed=seed)
         other, _ = _considered(soft, nuisances, without, seed, say, parts)
         if other.answer(seed).verdict == "no_gap":
-            mine = other
-    known = [f for f in (rests, older) if f is not None]
+            mine, springs = other, SPRINGS
+    known = [f for f in (rests, springs, older) if f is not None]
     told = replace(mine.located, findings=(*mine.located.findings, *known))
     return replace(mine, located=told, rests=rests)
 

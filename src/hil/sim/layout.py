@@ -89,12 +89,12 @@ JOINTS_AT = BUS_AT + 2
 H_KIND, H_N, H_DT, H_POSITION_TICKS, H_CYCLE, H_SETPOINT_DELAY, H_LINEAR, H_RETIMED = range(8)
 H_SUBSTEPS, H_GEOMETRY, H_IMU, H_STATIC_FF, H_IMU_DELAY, H_ANSWER_DELAY, H_SMOOTH = range(8, 15)
 HEADER = 15
-RESTS = 2.0
-INTERPOLATIONS = {"hold": 0.0, "linear": 1.0, "linear_rests": RESTS}
-"""Values of H_LINEAR."""
 """Header: kind, n, s per tick, ticks per position loop, s per cycle, s, flags, steps per tick, length of
 the geometry, whether there is an IMU, whether a static-force feed-forward acts, the group delay left in
 the IMU's answers s, delay of the drives' answers s, whether arrivals act between ticks."""
+RESTS = 2.0
+INTERPOLATIONS = {"hold": 0.0, "linear": 1.0, "linear_rests": RESTS}
+"""Values of H_LINEAR."""
 
 (
     A_REFLECTED, A_VISCOUS, A_COULOMB_POS, A_COULOMB_NEG, A_VMAX, A_FMAX, A_LOWER, A_UPPER, A_HOME,

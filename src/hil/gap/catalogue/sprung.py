@@ -8,7 +8,7 @@ from typing import Final
 from hil.config import Effect, RigFile
 
 BEND_HZ: Final = 140.0
-"""At which a load swings on its transmission [R: 60 to 150 N/µm behind the bench's 95 kg]."""
+"""At which a load swings on its transmission [R: 74 N/µm behind the bench's 95 kg]."""
 DAMPING: Final = 0.05
 """Of critical [R]."""
 
