@@ -20,6 +20,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from hil import __version__
+from hil.blas import one_blas_thread
 from hil.effectlines import effect_names
 from hil.errors import ConfigError, HilError, RunError
 from hil.exam.case import ANSWER, Case, case_folders, load_case, read_answer, seals_of
@@ -105,6 +106,7 @@ def sit_case(folder: Path, sitting: Sitting) -> str:
     return f"{said['verdict']} in {took_s:.1f} s"
 
 
+@one_blas_thread()
 def _answered(case: Case, sitting: Sitting, without: Sequence[str]) -> dict[str, Any]:
     if sitting.baseline is not None:
         from hil.exam.baselines import sit_baseline

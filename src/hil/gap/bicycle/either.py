@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
+from hil.blas import one_blas_thread
 from hil.config import AnyRig, BicycleFile
 from hil.effectlines import effect_names
 from hil.errors import ConfigError, RunError
@@ -22,6 +23,7 @@ from hil.gap.record.runs import SomeRuns, as_rig, as_runs
 from hil.runs import Run
 
 
+@one_blas_thread()
 def locate_any(
     runs: SomeRuns,
     rig: AnyRig | str | Path,
@@ -45,6 +47,7 @@ def locate_any(
     return locate(loaded, settings, nuisances=nuisances, healthy=healthy, seed=seed)
 
 
+@one_blas_thread()
 def diagnose_any(
     runs: SomeRuns,
     rig: AnyRig | str | Path,

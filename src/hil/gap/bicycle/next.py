@@ -19,6 +19,7 @@ import tomlkit
 from hil.bicycle.manoeuvres import MANOEUVRES, Manoeuvre
 from hil.bicycle.recorded import prepare
 from hil.bicycle.simulated import save
+from hil.blas import one_blas_thread
 from hil.config import BicycleFile
 from hil.errors import IdentificationError, KinematicsError, RunError
 from hil.gap.bicycle.leaves import ride_nuisances
@@ -82,6 +83,7 @@ class RideProposal:
         }  # fmt: skip
 
 
+@one_blas_thread()
 def propose_ride(
     tables: Mapping[str, Any],
     rig: BicycleFile,

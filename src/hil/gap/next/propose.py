@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from hil.blas import one_blas_thread
 from hil.config import RigFile
 from hil.errors import HilError, IdentificationError
 from hil.gap.next.candidates import Candidate, read_candidates, simplest
@@ -92,6 +93,7 @@ class Proposal:
         }  # fmt: skip
 
 
+@one_blas_thread()
 def propose(
     tables: Mapping[str, Any],
     rig: RigFile,

@@ -60,8 +60,10 @@ class Search:
         rows = c.train
         self._white = (c.white if white is None else white)[rows]
         self._spread = max(1.0, 1.4826 * float(np.median(np.abs(self._white))))
+        self._before = float(np.sum(loss(self._white / self._spread)))
         self._A = c.jacobian[rows]
-        T = np.empty((int(rows.sum()), bank.columns.shape[1]), dtype=np.float32)
+        # One column after the other in memory: sets of few columns are what is asked for.
+        T = np.empty((int(rows.sum()), bank.columns.shape[1]), dtype=np.float32, order="F")
         for first in range(0, T.shape[1], 32):
             part = bank.columns[:, first : first + 32].astype(float)
             T[:, first : first + 32] = c.noise.whiten(c.problem, part)[rows]
@@ -210,10 +212,9 @@ class Search:
         change = self._A @ (p.z - self._z)
         for k, (s, a) in zip(p.leaves, p.starts, strict=True):
             change += self._T[:, list(self.bank.places[k][s])].astype(float) @ a
-        spread = self._spread
-        before, after = loss(self._white / spread), loss((self._white - change) / spread)
+        after = float(np.sum(loss((self._white - change) / self._spread)))
         held = 0.5 * self._held * (self._z @ self._z - p.z @ p.z)
-        return float(spread**2 * np.sum(before - after) + held)
+        return float(self._spread**2 * (self._before - after) + held)
 
     def _bounds(self, leaves: Sequence[int], counts: Sequence[int]) -> tuple[Array, Array]:
         """What each effect allows of the amplitudes of its `counts` columns."""
