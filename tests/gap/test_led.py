@@ -127,6 +127,19 @@ def test_a_force_between_two_that_were_set_says_nothing(waited: Stretch) -> None
     assert 20.0 not in moved.samples["axis.force"][1]
 
 
+def test_answers_that_are_told_in_one_middle_are_one(waited: Stretch) -> None:
+    """What follows takes slopes over time."""
+    answered = waited.samples["axis.force"][1]
+    soon = SENT_S[1::2] + AXIS.bus.setpoint_delay + AXIS.bus.answer_delay + 2e-4
+    late = soon + np.where(np.arange(len(soon)) % 3 == 0, AXIS.bus.cycle + 2e-4, 0.0)
+    twice = np.sort(np.concatenate([late, late + 1e-4])), np.repeat(answered, 2)
+    t_s, value = sided(
+        AXIS, dataclasses.replace(waited, samples={**waited.samples, "axis.force": twice})
+    ).samples["axis.force"]
+    assert len(t_s) == len(value)
+    assert np.diff(t_s).min() > 0.5 * AXIS.bus.cycle
+
+
 def test_forces_that_all_come_later_are_left_where_they_are(waited: Stretch) -> None:
     """A delay is the twin's to explain."""
     late = effect("transport_delay", delay=0.006)

@@ -72,8 +72,9 @@ def _sided(rig: RigFile, setpoints: Series, answers: Series, most: float) -> Ser
     mine = np.where(np.abs(to_other) < np.abs(to_now), other, now)
     middle = 0.5 * (acts + np.append(acts[1:], acts[-1] + cycle))
     placed = np.where(near, middle[mine] + rig.bus.answer_delay, t_s)
-    kept = ~between
-    return np.maximum.accumulate(placed[kept]), value[kept]
+    placed, value = np.maximum.accumulate(placed[~between]), value[~between]
+    is_first = np.diff(placed, prepend=-np.inf) > 0.0  # two that are told in one middle are one
+    return placed[is_first], value[is_first]
 
 
 def _delay_s(
