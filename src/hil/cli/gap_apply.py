@@ -16,6 +16,7 @@ from hil.effectlines import checked
 from hil.errors import ConfigError, RunError
 from hil.gap.apply import alarms, applied_text, chosen_causes
 from hil.identify.estimate.rigfile import write_rig_file
+from hil.units import with_unit
 
 
 def apply(
@@ -52,7 +53,8 @@ def apply(
     write_rig_file(to, text)
     for cause in (causes := chosen_causes(answer, settings, picked)):
         values = ", ".join(
-            f"{name} {p['value']:.6g} {p['unit']}" for name, p in cause["parameters"].items()
+            with_unit(f"{name} {p['value']:.6g}", p["unit"])
+            for name, p in cause["parameters"].items()
         )
         out.print(
             f"{cause['effect'].replace('_', ' ')} at {cause['location']}: {values}",

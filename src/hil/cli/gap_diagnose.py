@@ -23,7 +23,7 @@ from hil.gap.bicycle.next import propose_ride
 from hil.gap.next import next_experiment
 from hil.runs import load_run
 from hil.ui.diagnosis_page import diagnosis_page
-from hil.ui.page import with_unit
+from hil.units import with_unit
 
 SHOWN = 0.001
 """Probability below which a candidate is counted and not listed."""

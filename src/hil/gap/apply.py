@@ -18,6 +18,7 @@ from hil.config import AnyRig
 from hil.configfile import parse_any_rig
 from hil.effectlines import check_effects
 from hil.errors import ConfigError
+from hil.units import with_unit
 
 FORMAT: Final = "hil-diagnosis/1"
 PICKABLE: Final = 0.001
@@ -85,7 +86,8 @@ def chosen_causes(answer: Answer, rig: AnyRig, pick: Sequence[str]) -> list[Answ
 def alarms(causes: Sequence[Answer]) -> list[str]:
     """What must be said about causes that are applied: parameters that stand at their bounds."""
     return [
-        f"{c['location']}.{c['effect']}.{name} stands at its bound, {p['value']:.6g} {p['unit']}"
+        f"{c['location']}.{c['effect']}.{name} stands at its bound, "
+        + with_unit(f"{p['value']:.6g}", p["unit"])
         for c in causes
         for name, p in c["parameters"].items()
         if p.get("at_bound")
@@ -106,7 +108,7 @@ def _provenance(answer: Answer, cause: Answer, when: str, source: str) -> tuple[
             far += f" ({100.0 * ci[0]:.0f} .. {100.0 * ci[1]:.0f} %)"
         parts.append(far)
     comments = [
-        f"{name}: {p['ci'][0]:.5g} .. {p['ci'][1]:.5g} {p['unit']} (90 %)"
+        with_unit(f"{name}: {p['ci'][0]:.5g} .. {p['ci'][1]:.5g}", p["unit"]) + " (90 %)"
         for name, p in cause["parameters"].items()
     ]
     return "; ".join(parts), comments

@@ -39,6 +39,7 @@ from hil.sim.catalogue import (
     Value,
     sensor_effects,
 )
+from hil.units import with_unit
 
 Array = NDArray[np.float64]
 REMOVABLE: Final = 0.9
@@ -117,7 +118,7 @@ class ParameterTable:
             p = self.entries[i]
             if not p.lower <= value <= p.upper:
                 raise ConfigError(
-                    f"{self.rig_name}: {name} = {value:g} {p.unit} lies outside "
+                    f"{self.rig_name}: {name} = {with_unit(f'{value:g}', p.unit)} lies outside "
                     f"{p.lower:g}..{p.upper:g}"
                 )
             out[i] = value
