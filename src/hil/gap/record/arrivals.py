@@ -18,9 +18,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bus.load import RECKONED_BITS
 from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import Ticks
-from hil.sim.senses import FRAME_BITS
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def _started(problem: Problem) -> dict[tuple[int, str], Ticks]:
     most and one. Which setpoint is played when jumps with it, so no slope leads there: all are tried."""
     rig = problem.rig
     names = rig.actuator_names
-    frame_s = FRAME_BITS / rig.can.bitrate
+    frame_s = RECKONED_BITS / rig.can.bitrate
     tried = np.arange(0.0, (len(names) + 1) * frame_s + 1e-9, frame_s)
     keys = [(k, a) for k, p in enumerate(problem.pieces) if p.mode == "position" for a in names]
     sizes = {key: np.full(len(tried), np.inf) for key in keys}
