@@ -148,8 +148,7 @@ class Describer:
 
 def units_of(rig: RigFile) -> dict[str, str]:
     """Unit of each quantity at the rig's actuators."""
-    geometry = rig.geometry
-    return _UNITS[geometry.kind == "axis_1dof" and geometry.load == "pendulum"]
+    return _UNITS[rig.is_rotary]
 
 
 def describe_imu(base_id: int, frame: Frame) -> Described:

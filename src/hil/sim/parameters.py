@@ -138,8 +138,7 @@ class ParameterTable:
 
 def _entries(rig: RigFile) -> Iterable[Parameter]:
     for a in rig.actuators:
-        rotary = isinstance(rig.geometry, AxisGeometry) and rig.geometry.load == "pendulum"
-        units = ROTARY_UNIT if rotary else {}
+        units = ROTARY_UNIT if rig.is_rotary else {}
         yield from _block(a.name, ACTUATOR, a, units)
         for quantity in QUANTITIES:
             effects = sensor_effects(QUANTITY_UNIT[quantity], QUANTITY_SCALE[quantity])

@@ -198,8 +198,7 @@ def _unit(rig: RigFile, name: str) -> str:
         return _IMU_UNIT[quantity.partition("_")[0]]
     if group == "cue":
         return _coordinate_unit(quantity)
-    rotary = rig.geometry.kind == "axis_1dof" and rig.geometry.load == "pendulum"
-    length, force = ("rad", "N·m") if rotary else ("m", "N")
+    length, force = ("rad", "N·m") if rig.is_rotary else ("m", "N")
     units = {"current": "A", "velocity": f"{length}/s", "force": force, "force_setpoint": force}
     return units.get(quantity, length)
 
