@@ -18,6 +18,7 @@ from hil.config.rig import ROTATIONS
 from hil.errors import KinematicsError
 from hil.rigs import Manipulator, build_rig
 from hil.runs import Run
+from hil.units import quantity_unit
 
 Array = npt.NDArray[np.float64]
 
@@ -209,7 +210,7 @@ def _poses(manipulator: Manipulator, lengths: dict[str, Series]) -> dict[str, Se
 
 
 def _force(run: Run, rig: RigFile | None, actuator: str) -> Series:
-    unit = "N·m" if rig is not None and rig.is_rotary else "N"
+    unit = quantity_unit("force", is_rotary=rig is not None and rig.is_rotary)
     return signal(run.table, f"{actuator}.force").scaled(1.0, unit)
 
 
