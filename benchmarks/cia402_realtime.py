@@ -24,6 +24,7 @@ import canopen
 import numpy as np
 
 from benchmarks.cia402_drives import Array, Seen, be_drives
+from benchmarks.client import connected
 from benchmarks.figure import Cell, Table
 from benchmarks.parts import Part
 from benchmarks.port_bus import PortBus
@@ -37,7 +38,7 @@ from hil.daemon.gateway.options import GatewayOptions
 from hil.daemon.realtime import PRIORITY, request_precedence
 from hil.daemon.run import run_rig
 from hil.drivefiles import load_profiles
-from hil.errors import CommandRefused, RigNotReached
+from hil.errors import CommandRefused
 
 PATIENCE_S = 90.0
 AHEAD_S = (0.0, 0.02, 0.04, 0.08)
@@ -103,7 +104,7 @@ def ours(cycle_s: float, seconds: float) -> tuple[Cell, ...]:
             daemon.start()
             assert daemon.pid is not None
             try:
-                with _client(rig.name, endpoint) as client:
+                with connected(rig.name, endpoint, PATIENCE_S) as client:
                     _until(lambda: _state(client) == "parked")
                     time.sleep(0.5)
                     with suppress(CommandRefused):
@@ -122,17 +123,6 @@ def ours(cycle_s: float, seconds: float) -> tuple[Cell, ...]:
                 daemon.kill()
     shares = [100.0 * (b - a) / (end_s - start_s) for a, b in zip(spent, after, strict=True)]
     return (*_figures(seen, cycle_s, start_s + 3.0, end_s), *shares, state)
-
-
-def _client(name: str, endpoint: str) -> RigClient:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            return RigClient(name, endpoint, name="benchmark").open()
-        except RigNotReached:
-            if time.monotonic() > deadline_s:
-                raise
-            time.sleep(0.2)
 
 
 def _state(client: RigClient) -> str:

@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.client import connected
 from benchmarks.figure import Options, Table
 from benchmarks.rigs import profiles, variant
 from hil.bus.hub import Hub
@@ -39,7 +40,6 @@ from hil.daemon.gateway.gateway import GatewayOptions
 from hil.daemon.realtime import PRIORITY, request_fifo
 from hil.daemon.run import run_rig
 from hil.drives.profile import LustProfile
-from hil.errors import RigNotReached
 from hil.runs import load_run
 from hil.sim.rig import SimulatedRig
 from hil.sim.serve import serve_until_signalled
@@ -177,7 +177,7 @@ def running(rig: RigFile, files: Profiles, folder: Path) -> Iterator[RigClient]:
         _start(stack, _be_rig, placed, files)
         _wait(bus.exists, "the hub")
         _start(stack, _be_daemon, placed, files)
-        yield stack.enter_context(_connected(rig.name, endpoint))
+        yield stack.enter_context(connected(rig.name, endpoint, PATIENCE_S))
 
 
 def _start(stack: ExitStack, target: Callable[..., None], *arguments: object) -> None:
@@ -194,17 +194,6 @@ def _end(process: SpawnProcess) -> None:
     if process.is_alive():
         process.kill()
         process.join()
-
-
-def _connected(name: str, endpoint: str) -> RigClient:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            return RigClient(name, endpoint, name="benchmark").open()
-        except RigNotReached:
-            if time.monotonic() > deadline_s:
-                raise
-            time.sleep(0.2)
 
 
 def _wait(is_so: Callable[[], bool], what: str) -> None:

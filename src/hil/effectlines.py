@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 from hil.config import AnyRig, Effect
 from hil.configfile import find_rig_file
 from hil.errors import ConfigError
+from hil.units import with_unit
 
 if TYPE_CHECKING:
     from hil.sim.parameters import Parameter
@@ -81,9 +82,9 @@ def _faults(line: Effect, entries: Iterable[Parameter]) -> list[str]:
                 f"parameters.{name}: {line.effect} has no such parameter; it has {', '.join(mine)}"
             )
         elif not p.lower <= value <= p.upper:
-            unit = "" if p.unit == "1" else f" {p.unit}"
+            given, bounds = with_unit(f"{value:g}", p.unit), f"{p.lower:g}..{p.upper:g}"
             faults.append(
-                f"parameters.{name}: {value:g}{unit} lies outside {p.lower:g}..{p.upper:g}{unit} "
+                f"parameters.{name}: {given} lies outside {with_unit(bounds, p.unit)} "
                 f"({line.effect} at {line.location})"
             )
     return faults

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from hil.bus.load import RECKONED_BITS
 from hil.config import RigFile
 from hil.configfile import load_drive
 from hil.drives.driver import DrivePhase, PowerGoal
@@ -15,7 +16,7 @@ from hil.sim.lust.drive import SimulatedCdd3000
 from tests.drives import line
 from tests.drives.line import Line, changed
 
-FRAME_S = 125 / 500_000
+FRAME_S = RECKONED_BITS / 500_000
 
 
 def profile_of(**changes: object) -> LustProfile:

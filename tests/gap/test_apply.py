@@ -121,6 +121,19 @@ def test_no_gap_foreign_rigs_and_impossible_values_are_refused():
         applied_text(AXIS_FILE, answer(cause("backlash", gap=3.0)), when="x")
 
 
+def test_drives_that_were_found_to_rest_do_so_in_the_file(tmp_path):
+    resting = {"severity": "warning", "subject": "bus.interpolation", "text": "they stand still"}
+    said = {**answer(cause("coulomb_friction", force=30.0)), "findings": [resting]}
+    text = applied_text(AXIS_FILE, said, when="2026-02-01", source="d.json")
+    rig = read(text, tmp_path)
+    assert rig.bus.interpolation == "linear_rests"
+    assert [e.effect for e in rig.effects] == ["coulomb_friction"]
+    assert "was linear; hil gap diagnose, run7, 2026-02-01 (d.json)" in text
+    alone = {**answer(verdict="no_gap"), "findings": [resting]}
+    rig = read(applied_text(AXIS_FILE, alone, when="x"), tmp_path)
+    assert (rig.bus.interpolation, rig.effects) == ("linear_rests", ())
+
+
 def test_a_parameter_at_its_bound_is_an_alarm():
     (said,) = alarms([cause("backlash", gap=0.02, at_bound=True)])
     assert "axis.backlash.gap stands at its bound" in said

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from hil.bus.load import RECKONED_BITS
 from hil.gap.record.arrivals import find_clocks
 from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import Stretch
 from hil.sim import Twin
-from hil.sim.senses import FRAME_BITS
 from tests.gap.twin_runs import AXIS
 
 SENT = np.arange(0.0, 1.0, 0.0101)
@@ -46,7 +46,7 @@ def test_how_late_a_drives_own_clock_was_started_is_read_from_the_record(frames)
     rig = AXIS.model_copy(update={"bus": AXIS.bus.model_copy(update={"retimed": True})})
     sent = np.arange(0.0, 6.0, rig.bus.cycle)
     told = 0.05 * np.sin(2.0 * np.pi * 0.8 * sent) * np.clip(sent, 0.0, 1.0)
-    late_s = frames * FRAME_BITS / rig.can.bitrate
+    late_s = frames * RECKONED_BITS / rig.can.bitrate
     answered = sent + rig.bus.answer_delay + 0.0012
     stamps = {"axis.position": answered[::2], "axis.force": answered[1::2]}
     answers = Twin(rig, smooth=True).replay({"axis": (sent + late_s, told)}, stamps)

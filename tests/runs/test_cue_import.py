@@ -164,7 +164,7 @@ def test_every_kind_of_table_reads_the_same(tmp_path: Path, rig: RigFile, name: 
     ("columns", "text", "rate_hz", "sentence"),
     [
         ({"lean": [1.0, 2.0]}, "roll=lean:rad", None, "say when its rows were taken"),
-        ({"lean": [1.0, 2.0]}, "roll=bank:rad", 100.0, "has no column 'bank'; it has lean"),
+        ({"lean": [1.0, 2.0]}, "roll=bank:rad", 100.0, "has no column 'bank'; nearest: lean"),
         ({"lean": [1.0, "x"]}, "roll=lean:rad", 100.0, "column lean, row 2: 'x' is not a finite"),
         ({"lean": [None, 2.0]}, "roll=lean:rad", 100.0, "column lean, row 1: is empty"),
         ({"lean": [1.0]}, "roll=lean:rad", 100.0, "has 1 rows, that is no ride"),
@@ -214,6 +214,28 @@ def test_bad_log_gets_its_sentence(
     with pytest.raises(RunError) as caught:
         cue_from_log(path, read_cue_map(text), rig, rate_hz)
     assert sentence in str(caught.value)
+
+
+def test_decimal_commas_are_read_where_the_map_says_so_and_named_where_it_does_not(
+    tmp_path: Path, rig: RigFile
+) -> None:
+    lean = np.round(0.1 * np.cos(T), 6)
+    path = tmp_path / "a.csv"
+    pd.DataFrame({"t": T, "lean": lean}).to_csv(path, index=False, sep=";", decimal=",")
+    with pytest.raises(
+        RunError, match=r'a\.csv: column t, row 1: .* say decimal = "," under \[file\]'
+    ):
+        cue_from_log(path, read_cue_map("roll=lean:rad, t=t:s"), rig)
+    cue_map = tmp_path / "map.toml"
+    cue_map.write_text(
+        'time = { column = "t" }\nfile = { decimal = "," }\n'
+        '[[channel]]\ncoordinate = "roll"\ncolumn = "lean"\nunit = "rad"\n'
+    )
+    cue = cue_from_log(path, read_cue_map(str(cue_map)), rig)
+    assert cue.trajectory.poses[:, column(rig, "roll")] == pytest.approx(lean)
+    path.write_text("t,lean\n0,00,0,5\n0,01,0,6\n")
+    with pytest.raises(RunError, match=r"a\.csv: row 1: has 4 cells, the first line names 2"):
+        cue_from_log(path, read_cue_map("roll=lean:rad, t=t:s"), rig)
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00\x81", b"a,b\n1,2,3\n1\n"])

@@ -74,6 +74,14 @@ def test_decimal_commas_that_the_map_does_not_say_are_told_with_the_key(tmp_path
         brought(path)
 
 
+def test_names_may_hold_the_separator_and_a_byte_order_mark_is_no_name(tmp_path):
+    path = tmp_path / "log.csv"
+    head = ",".join(f'"{c}"' for c in MOTION.columns)
+    rows = MOTION.assign(**{"a, b": 1.0}).to_csv(index=False, header=False)
+    path.write_text(f'{head},"a, b"\n{rows}', encoding="utf-8-sig")
+    assert holds_the_motion(brought(path))
+
+
 def test_csv_without_header_by_number_or_by_names_of_the_map(tmp_path):
     path = tmp_path / "log.txt.gz"
     with gzip.open(path, "wt") as stream:

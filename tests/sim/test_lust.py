@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hil.bus.load import RECKONED_BITS
 from hil.drives.driver import DrivePhase, PowerGoal
 from hil.drives.lust_cdd3000.codec import (
     Control,
@@ -24,7 +25,6 @@ from hil.drives.power import PowerCommand, PowerState
 from hil.frames import Frame
 from hil.sim.lust.drive import BOOT_S, SimulatedCdd3000
 from hil.sim.plant import Plant
-from hil.sim.senses import FRAME_BITS
 from tests.drives.exchange import Exchange, profile_of, rig_of
 
 PROFILE = profile_of()
@@ -140,7 +140,7 @@ def test_status_comes_cyclically_where_the_drive_file_says_so() -> None:
 def test_an_answer_is_received_the_nominal_delay_after_its_sample() -> None:
     d = Desk(bus={"answer_jitter": 0.0})
     ((at_s, _),) = d.say(encode_request(0x44E, Request(400, Mode.READ)))
-    frame_s = FRAME_BITS / d.rig.can.bitrate
+    frame_s = RECKONED_BITS / d.rig.can.bitrate
     assert at_s + frame_s == pytest.approx(d.now_s + d.rig.bus.answer_delay)
 
 

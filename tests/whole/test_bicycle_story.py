@@ -132,7 +132,9 @@ def test_the_next_manoeuvre_is_a_sentence_for_the_rider_and_a_ride_to_hold_it_ag
 def test_what_no_ride_tells_apart_is_said():
     radius = ("wheel_radius", "rear_wheel", {"scale": 1.02}, 0.6)
     encoder = ("sensor_scale", "rear_wheel", {"scale": 0.9804}, 0.4)
-    proposal = propose_ride(open_diagnosis(radius, encoder), NOMINAL, manoeuvres=[ROUND_MARKS])
+    left = open_diagnosis(radius, encoder)
+    left["gap"]["signals"] |= {"imu.gyro_x": {}, "imu.accel_y": {}, "bicycle.lean_torque": {}}
+    proposal = propose_ride(left, NOMINAL, manoeuvres=[ROUND_MARKS, manoeuvre("eight")])
     assert "Another sensor is needed" in proposal.sentence
 
 

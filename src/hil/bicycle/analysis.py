@@ -26,6 +26,7 @@ from hil.rigs.bicycle import (
     smooth,
 )
 from hil.runs.importing.findings import Finding
+from hil.units import quantity_unit
 
 Array = NDArray[np.float64]
 
@@ -49,6 +50,11 @@ class Compared:
     """Of the difference that the sensors' noise alone leaves."""
 
     @property
+    def unit(self) -> str:
+        """Of `rms`, `bias`, `spread` and `floor`."""
+        return quantity_unit(self.signal.removeprefix("imu."))
+
+    @property
     def is_quiet(self) -> bool:
         """Whether noise is larger than all that was measured, so that nothing can be said of the model."""
         return self.floor > self.spread
@@ -57,6 +63,11 @@ class Compared:
     def explained(self) -> float:
         """Share of the measured variance that the model explains; may be negative."""
         return 1.0 - (self.rms / self.spread) ** 2 if self.spread > 0.0 else float("nan")
+
+    @property
+    def said(self) -> str:
+        """`explained` in words, where anything can be said."""
+        return "too quiet to judge" if self.is_quiet else f"{100.0 * self.explained:.1f} %"
 
 
 @dataclass(frozen=True, slots=True)

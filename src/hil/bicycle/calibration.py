@@ -27,18 +27,27 @@ from hil.signals import IMU_QUANTITIES
 Array = NDArray[np.float64]
 
 SHORTEST_S: Final = 1.0
-STILL_GYRO: Final = 3.0
-"""Of the gyroscope's noise: a window that spreads by less is at rest."""
-ROLLED: Final = 3.0
-"""Steps of the wheel's encoder by which it may turn in a pose: a bicycle in a steady turn looks at rest to a
-gyroscope that is blamed for it."""
+WINDOW_S: Final = 0.25
+STILL_GYRO, STILL_ACCEL = 3.0, 5.0
+"""Times the sensor's noise: a window that spreads by less is at rest."""
+LEAST_GYRO, LEAST_ACCEL = 1e-4, 0.01
+"""rad/s, m/s²: noise that any sensor is taken to have there."""
+ROLLED, ROLLED_NOISE = 3.0, 8.0
+"""Steps of the wheel's encoder, and times its noise, by which it may turn in a pose: a bicycle in a steady
+turn looks at rest to a gyroscope that is blamed for it."""
 RIDDEN_M_S: Final = 1.0
 """Speed from which a run is a ride and no pose: nobody pushes a bicycle that fast to turn it over."""
+LEANT, STEERED = 0.3, 0.6
+"""rad beyond which the first pose is not upright and steered straight: more than any zero is off."""
 UPRIGHT: Final = 0.35
 """rad that the sensor may stand off what the file says: more, and it is another pose or another mounting."""
 NEW_POSE: Final = 0.2
 """rad between two gravity directions from which they are two poses."""
 BIAS_PRIOR, SCALE_PRIOR, CROSS_PRIOR = 0.3, 0.03, 0.02
+"""m/s² and shares that an accelerometer is off, standard deviations [M]."""
+DRIFT, LEAST_DRIFT = 0.1, 1e-3
+"""Of the accelerometer's noise, and m/s² at least: what the mean over a pose is off, which does not average
+out."""
 ENOUGH: Final = 9
 """Poses that bias, scale and squareness of three axes need."""
 
@@ -94,17 +103,17 @@ def calibrate(runs: list[Run], rig: BicycleFile) -> Calibration:
             "and all: hold it still and upright"
         )
     upright = poses[0]
-    if abs(upright.lean) > 0.3 or abs(upright.steer) > 0.6:
+    if abs(upright.lean) > LEANT or abs(upright.steer) > STEERED:
         raise IdentificationError(
             f"{upright.name}: begins with lean {upright.lean:.2f} and steer {upright.steer:.2f} rad: the "
             "first pose must be upright and steered straight"
         )
-    g = rig.mass.gravity
     notes = [text for run in runs if (text := _ridden(run, rig, poses))]
     distinct = _distinct(poses)
     found, sd, residual = fit_accelerometer(
-        np.array([p.accel for p in distinct]), rig.sensors, g, max(0.1 * rig.noise.accel, 1e-3)
-    )
+        np.array([p.accel for p in distinct]), rig.sensors, rig.mass.gravity,
+        max(DRIFT * rig.noise.accel, LEAST_DRIFT),
+    )  # fmt: skip
     if len(distinct) < ENOUGH:
         notes.append(
             f"{len(distinct)} poses of the {ENOUGH} that bias, scale and squareness need: what they "
@@ -141,21 +150,22 @@ def calibrate(runs: list[Run], rig: BicycleFile) -> Calibration:
 
 
 def _poses(run: Run, rig: BicycleFile) -> list[Pose]:
-    """Stretches of `run` in which the gyroscope shows its noise only."""
+    """Stretches of `run` in which gyroscope and accelerometer show their noise only, and no wheel turns."""
     columns = ["t", *(f"imu.{q}" for q in IMU_QUANTITIES)]
     missing = [c for c in columns if c not in run.table]
     if missing:
         raise IdentificationError(f"{run.path.name}: holds no {', '.join(missing)}")
     imu = run.table[columns].dropna().to_numpy(dtype=float)
     t, values = imu[:, 0], imu[:, 1:]
-    width = max(int(0.25 / float(np.median(np.diff(t)))), 4)
+    step_s = float(np.median(np.diff(t)))
+    width = max(int(WINDOW_S / step_s), 4)
     count = len(t) // width
     if count < 4:
         return []
     blocks = values[: count * width].reshape(count, width, 6)
-    limit = STILL_GYRO * max(np.hypot(rig.noise.gyro, rig.noise.gyro_step / np.sqrt(12.0)), 1e-4)
-    still = (blocks[:, :, :3].std(axis=1) < limit).all(axis=1)
-    still &= (blocks[:, :, 3:].std(axis=1) < 5.0 * max(rig.noise.accel, 0.01)).all(axis=1)
+    gyro = max(np.hypot(rig.noise.gyro, rig.noise.gyro_step / np.sqrt(12.0)), LEAST_GYRO)
+    limits = np.repeat([STILL_GYRO * gyro, STILL_ACCEL * max(rig.noise.accel, LEAST_ACCEL)], 3)
+    still = (blocks.std(axis=1) < limits).all(axis=1)
     means = blocks.mean(axis=1)
     out: list[Pose] = []
     k = 0
@@ -163,7 +173,7 @@ def _poses(run: Run, rig: BicycleFile) -> list[Pose]:
         end = k
         while end < count and still[end] and _angle(means[end, 3:], means[k, 3:]) < 0.5 * NEW_POSE:
             end += 1
-        if (end - k) * width * float(np.median(np.diff(t))) >= SHORTEST_S:
+        if (end - k) * width * step_s >= SHORTEST_S:
             part = slice(k * width, end * width)
             span = (float(t[part][0]), float(t[part][-1]))
             mean = values[part].mean(axis=0)
@@ -211,7 +221,7 @@ def _ridden(run: Run, rig: BicycleFile, poses: list[Pose]) -> str:
 
 def _rest(rig: BicycleFile) -> float:
     """rad by which a wheel at rest seems to turn."""
-    return ROLLED * rig.noise.rear_wheel_step + 8.0 * rig.noise.rear_wheel
+    return ROLLED * rig.noise.rear_wheel_step + ROLLED_NOISE * rig.noise.rear_wheel
 
 
 def _mean(run: Run, signal: str, start_s: float, end_s: float) -> float:

@@ -15,7 +15,7 @@ from hil.cli.console import RigArgument, err, out, write_json
 from hil.cli.options import ModeOption, SeedOption, profiles_of, rig_with
 from hil.cli.plan_options import options_of, values_of
 from hil.client import RigClient
-from hil.config import AxisGeometry, Effect, RigFile
+from hil.config import Effect, RigFile
 from hil.config.rig import ROTATIONS
 from hil.configfile import load_rig, parse_settings
 from hil.effectlines import checked
@@ -178,8 +178,7 @@ def read_effects(rig: RigFile, given: list[str]) -> tuple[Effect, ...]:
 
 def unit_of(use: Use, rig: RigFile) -> str:
     """The unit of a limit's value and bound."""
-    of_pendulum = isinstance(rig.geometry, AxisGeometry) and rig.geometry.load == "pendulum"
-    return ("rad" if use.name in ROTATIONS or of_pendulum else "m") + _PER[use.rule]
+    return ("rad" if use.name in ROTATIONS or rig.is_rotary else "m") + _PER[use.rule]
 
 
 def show(made: Design, rig: RigFile) -> None:

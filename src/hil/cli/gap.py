@@ -15,7 +15,7 @@ from hil.cli.gap_batch import batch
 from hil.cli.gap_diagnose import diagnose
 from hil.cli.gap_next import next_experiment
 from hil.cli.gap_rest import rest
-from hil.cli.outputs import Outputs
+from hil.cli.outputs import JsonFile, Outputs, Page
 from hil.configfile import load_any_rig
 from hil.effectlines import checked
 from hil.gap import Located
@@ -46,12 +46,8 @@ def locate(
         list[Path], typer.Argument(metavar="RUN...", help="Run folders or .mcap files of one rig.")
     ],
     rig: Annotated[str, typer.Option("--rig", help="Rig file whose twin is meant, or its name.")],
-    json: Annotated[
-        Path | None, typer.Option("--json", help="Write the answer as JSON; - for stdout.")
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option("--report", help="Write a page with pictures (HTML).")
-    ] = None,
+    json: JsonFile = None,
+    report: Page = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the noise that is drawn.")] = 0,
 ) -> None:
     """Find the gap by signal, frequency band and operating region, above the floor of noise."""

@@ -12,7 +12,7 @@ import typer
 from rich.table import Column, Table
 
 from hil.cli.console import err, out
-from hil.cli.outputs import Outputs
+from hil.cli.outputs import JsonFile, Outputs, Page
 from hil.config import AnyRig, BicycleFile
 from hil.configfile import load_any_rig
 from hil.effectlines import checked, effect_names
@@ -23,7 +23,7 @@ from hil.gap.bicycle.next import propose_ride
 from hil.gap.next import next_experiment
 from hil.runs import load_run
 from hil.ui.diagnosis_page import diagnosis_page
-from hil.ui.page import with_unit
+from hil.units import with_unit
 
 SHOWN = 0.001
 """Probability below which a candidate is counted and not listed."""
@@ -49,12 +49,8 @@ def diagnose(
         str,
         typer.Option("--effects", help="Weigh only these effects, by the catalogue's names: a,b."),
     ] = "",
-    json: Annotated[
-        Path | None, typer.Option("--json", help="Write the answer as JSON; - for stdout.")
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option("--report", help="Write a page with pictures (HTML).")
-    ] = None,
+    json: JsonFile = None,
+    report: Page = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the noise that is drawn.")] = 0,
     propose: Annotated[
         bool,

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -13,6 +14,10 @@ from hil.cli.console import err
 from hil.errors import RunError
 
 Write = Callable[[Path], object]
+JsonFile = Annotated[
+    Path | None, typer.Option("--json", help="Write the answer as JSON; - for stdout.")
+]
+Page = Annotated[Path | None, typer.Option("--report", help="Write a page with pictures (HTML).")]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from hil.config.actuator import Actuator
 from hil.config.base import Matrix3, NonNegative, Positive, Settings, Vector3
 from hil.config.bus import Bus, Can, Imu, Noise
 from hil.config.control import Control, CueLimits, Parking, Safety
-from hil.config.geometry import Geometry
+from hil.config.geometry import AxisGeometry, Geometry
 
 Kind = Literal["axis_1dof", "motorcycle_3dof", "stewart_6dof"]
 
@@ -152,6 +152,11 @@ class RigFile(Settings):
         if len(set(self.can.urls)) != buses:
             raise ValueError(f"can: two buses have the same url: {', '.join(self.can.urls)}")
         return self
+
+    @property
+    def is_rotary(self) -> bool:
+        """Whether its actuator turns the load: rad and N·m, not m and N."""
+        return isinstance(self.geometry, AxisGeometry) and self.geometry.load == "pendulum"
 
     @property
     def actuator_names(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final, get_args
+from typing import get_args
 
 from hil.config import RigFile
 from hil.drives import imu_node
@@ -18,11 +18,7 @@ from hil.drives.profile import LustProfile, Parameter, Parameters, WireType
 from hil.errors import ProtocolError
 from hil.frames import Frame
 from hil.signals import Quantity
-
-_UNITS: Final = {
-    False: {"position": "m", "velocity": "m/s", "force": "N", "current": "A"},
-    True: {"position": "rad", "velocity": "rad/s", "force": "N·m", "current": "A"},
-}
+from hil.units import quantity_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +38,7 @@ class Describer:
     def __init__(self, rig: RigFile, profile: LustProfile) -> None:
         self._profile = profile
         self._kind = kind_of(rig, profile)
-        self._units = units_of(rig)
+        self._is_rotary = rig.is_rotary
         self._imu_id = rig.can.imu_base_id if rig.imu else None
         self._names = parameter_names(profile.parameters)
         self._readers: dict[int, tuple[str, str, Callable[[Frame], Described]]] = {}
@@ -143,13 +139,7 @@ class Describer:
 
     def _shown(self, quantity: str, value: float) -> str:
         digits = 6 if quantity == "position" else 3
-        return f"{value:+.{digits}f} {self._units[quantity]}"
-
-
-def units_of(rig: RigFile) -> dict[str, str]:
-    """Unit of each quantity at the rig's actuators."""
-    geometry = rig.geometry
-    return _UNITS[geometry.kind == "axis_1dof" and geometry.load == "pendulum"]
+        return f"{value:+.{digits}f} {quantity_unit(quantity, is_rotary=self._is_rotary)}"
 
 
 def describe_imu(base_id: int, frame: Frame) -> Described:
@@ -161,8 +151,7 @@ def describe_imu(base_id: int, frame: Frame) -> Described:
         return Described("imu", name, f"cannot be read: {error}")
     values = {f"{name}_{axis}": v for axis, v in zip("xyz", reading.values, strict=True)}
     shown = " ".join(f"{v:+.4f}" for v in reading.values)
-    unit = "rad/s" if reading.is_gyro else "m/s²"
-    return Described("imu", name, f"{shown} {unit}  no. {reading.counter}", values)
+    return Described("imu", name, f"{shown} {quantity_unit(name)}  no. {reading.counter}", values)
 
 
 def parameter_names(parameters: Parameters) -> dict[int, tuple[str, WireType, float]]:

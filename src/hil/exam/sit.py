@@ -26,7 +26,6 @@ from hil.errors import ConfigError, HilError, RunError
 from hil.exam.case import ANSWER, Case, case_folders, load_case, read_answer, seals_of
 
 Baseline = Literal["random", "best-training", "naive-bic", "oracle"]
-BASELINES: Final = ("random", "best-training", "naive-bic", "oracle")
 LIMIT_S: Final = 1800.0
 
 

@@ -1,7 +1,8 @@
 """A diagnosis written into a rig file: effects with their parameters, and where they come from.
 
 The file keeps its comments and its order. A parameter that stands there already gets the diagnosed value
-in its place: the twin that was fitted had the file's own effects in it, so what it found is the whole.
+in its place: the twin that was fitted had the file's own effects in it, so what it found is the whole. Where
+that twin's drives rested at setpoints, so do the file's then.
 """
 
 from __future__ import annotations
@@ -14,10 +15,13 @@ from typing import Any, Final
 
 import tomlkit
 
-from hil.config import AnyRig
+from hil.config import AnyRig, RigFile
 from hil.configfile import parse_any_rig
 from hil.effectlines import check_effects
 from hil.errors import ConfigError
+from hil.gap.located.rests import KEY, RESTING
+from hil.identify.estimate.rigfile import set_value
+from hil.units import with_unit
 
 FORMAT: Final = "hil-diagnosis/1"
 PICKABLE: Final = 0.001
@@ -32,7 +36,7 @@ Answer = Mapping[str, Any]
 def applied_text(
     text: str, answer: Answer, *, when: str, source: str = "", pick: Sequence[str] = ()
 ) -> str:
-    """Rig file `text` with the effects of a diagnosis (hil-diagnosis/1, plain tables).
+    """Rig file `text` with the effects of a diagnosis (hil-diagnosis/1, plain tables), and drives that rest.
 
     `when`: a date, `source`: the diagnosis's name, both for the provenance. `pick`: causes by
     "location.effect", instead of the verdict's set. ConfigError where the verdict is no cause to act on and
@@ -40,17 +44,26 @@ def applied_text(
     """
     doc: Any = tomlkit.parse(text)
     rig = parse_any_rig(tomllib.loads(text), "rig file")
-    causes = chosen_causes(answer, rig, pick)
-    for cause in causes:
+    for cause in chosen_causes(answer, rig, pick):
         _write(doc, cause, *_provenance(answer, cause, when, source))
+    if rests(answer) and isinstance(rig, RigFile):
+        bus = doc.setdefault("bus", tomlkit.table())
+        set_value(
+            bus, KEY, RESTING, f"was {rig.bus.interpolation}; {_origin(answer, when, source)}"
+        )
     new = tomlkit.dumps(doc)
     checked = parse_any_rig(tomllib.loads(new), f"{rig.name} with what was diagnosed")
     check_effects(checked, f"{rig.name} with what was diagnosed")
     return new
 
 
+def rests(answer: Answer) -> bool:
+    """Whether the drives were found to rest at setpoints, unlike those of the file that was diagnosed."""
+    return any(f["subject"] == f"bus.{KEY}" for f in answer.get("findings", ()))
+
+
 def chosen_causes(answer: Answer, rig: AnyRig, pick: Sequence[str]) -> list[Answer]:
-    """The causes to be written, checked against the rig file."""
+    """The causes to be written, checked against the rig file; none where only drives rest."""
     if answer.get("format") != FORMAT:
         raise ConfigError(f"is no diagnosis: its format is {answer.get('format')!r}, not {FORMAT}")
     if answer["rig"] != rig.name:
@@ -67,6 +80,8 @@ def chosen_causes(answer: Answer, rig: AnyRig, pick: Sequence[str]) -> list[Answ
             )
         return [causes[p] for p in dict.fromkeys(pick)]
     verdict = answer["verdict"]
+    if verdict == "no_gap" and rests(answer):
+        return []
     if verdict == "no_gap":
         raise ConfigError("the verdict is no_gap: there is nothing to apply")
     if verdict != "identified":
@@ -85,7 +100,8 @@ def chosen_causes(answer: Answer, rig: AnyRig, pick: Sequence[str]) -> list[Answ
 def alarms(causes: Sequence[Answer]) -> list[str]:
     """What must be said about causes that are applied: parameters that stand at their bounds."""
     return [
-        f"{c['location']}.{c['effect']}.{name} stands at its bound, {p['value']:.6g} {p['unit']}"
+        f"{c['location']}.{c['effect']}.{name} stands at its bound, "
+        + with_unit(f"{p['value']:.6g}", p["unit"])
         for c in causes
         for name, p in c["parameters"].items()
         if p.get("at_bound")
@@ -94,11 +110,10 @@ def alarms(causes: Sequence[Answer]) -> list[str]:
 
 def _provenance(answer: Answer, cause: Answer, when: str, source: str) -> tuple[str, list[str]]:
     """(the line's own words, a comment a parameter)."""
-    parts = [f"hil gap diagnose, {', '.join(answer['runs'])}, {when}"]
-    if source:
-        parts[0] += f" ({source})"
-    verdict = str(answer["verdict"])
-    parts.append(f"{verdict}, p = {cause['probability']:.2f}")
+    parts = [
+        _origin(answer, when, source),
+        f"{answer['verdict']}, p = {cause['probability']:.2f}",
+    ]
     shrink, ci = answer["gap"].get("shrink"), answer["gap"].get("shrink_ci")
     if shrink is not None:
         far = f"{100.0 * shrink:.0f} % of the gap gone on held-out data"
@@ -106,10 +121,16 @@ def _provenance(answer: Answer, cause: Answer, when: str, source: str) -> tuple[
             far += f" ({100.0 * ci[0]:.0f} .. {100.0 * ci[1]:.0f} %)"
         parts.append(far)
     comments = [
-        f"{name}: {p['ci'][0]:.5g} .. {p['ci'][1]:.5g} {p['unit']} (90 %)"
+        with_unit(f"{name}: {p['ci'][0]:.5g} .. {p['ci'][1]:.5g}", p["unit"]) + " (90 %)"
         for name, p in cause["parameters"].items()
     ]
     return "; ".join(parts), comments
+
+
+def _origin(answer: Answer, when: str, source: str) -> str:
+    """Which runs were diagnosed, when, in which file that is kept."""
+    origin = f"hil gap diagnose, {', '.join(answer['runs'])}, {when}"
+    return f"{origin} ({source})" if source else origin
 
 
 def _write(doc: Any, cause: Answer, source: str, comments: Sequence[str]) -> None:

@@ -7,7 +7,6 @@ the rig and says how.
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,15 +14,14 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
-import pyarrow as pa
 
 from hil.config import RigFile
 from hil.control.trajectory import UNIFORM, CueTrajectory
 from hil.control.washout import Washout, WashoutSettings
 from hil.errors import RunError
 from hil.runs.cuemap import TIME_UNITS, Channel, CueMap
-from hil.runs.table import check_increasing, finite_numbers
+from hil.runs.importing.tables import TableSource, read_csv, read_parquet
+from hil.runs.table import check_increasing
 
 Array = npt.NDArray[np.float64]
 
@@ -62,7 +60,7 @@ def cue_from_log(
                 f"the map moves {c.coordinate!r}, but the rig {rig.name!r} has only "
                 f"{', '.join(rig.coordinates)}"
             )
-    log = _read(path)
+    log = _read(path, cue_map)
     t = _time(log, cue_map, path, rate_hz)
     notes = [f"from {path.name}, SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()}"]
     parts: list[CueTrajectory] = []
@@ -85,27 +83,18 @@ def cue_from_log(
     return ImportedCue(CueTrajectory(rig.coordinates, parts[0].t_s, poses), tuple(notes))
 
 
-def _read(path: Path) -> pd.DataFrame:
+def _read(path: Path, cue_map: CueMap) -> TableSource:
     if not path.is_file():
         raise RunError(f"{path}: no such file")
-    try:
-        if path.suffix == ".parquet":
-            return pd.read_parquet(path)
-        return pd.read_csv(path, sep=_separator(path), skipinitialspace=True, comment="#")
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise RunError(f"{path}: is no table of comma-separated values: {error}") from error
-    except (pa.ArrowException, OSError, EOFError) as error:
-        raise RunError(f"{path}: cannot be read: {error}") from error
+    wanted = {c.column for c in cue_map.channel}
+    if cue_map.time is not None:
+        wanted.add(cue_map.time.column)
+    if path.suffix == ".parquet":
+        return read_parquet(path, wanted)
+    return read_csv(path, wanted, cue_map.file)
 
 
-def _separator(path: Path) -> str:
-    """The one of comma, semicolon, tab that the header holds most of."""
-    with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as stream:
-        header = next((line for line in stream if not line.startswith("#")), "")
-    return max((",", ";", "\t"), key=header.count)
-
-
-def _time(log: pd.DataFrame, cue_map: CueMap, path: Path, rate_hz: float | None) -> Array:
+def _time(log: TableSource, cue_map: CueMap, path: Path, rate_hz: float | None) -> Array:
     """Seconds from the first row on."""
     if cue_map.time is not None:
         t = _column(log, cue_map.time.column, path) * TIME_UNITS[cue_map.time.unit]
@@ -117,7 +106,7 @@ def _time(log: pd.DataFrame, cue_map: CueMap, path: Path, rate_hz: float | None)
         raise RunError(
             f"{path}: say when its rows were taken: a time column (t=COLUMN:s in the map) or a rate"
         )
-    return np.arange(len(log)) / rate
+    return np.arange(len(_column(log, cue_map.channel[0].column, path))) / rate
 
 
 def _check_time(t: Array, where: str, unit: str) -> None:
@@ -130,11 +119,8 @@ def _check_time(t: Array, where: str, unit: str) -> None:
         )
 
 
-def _column(log: pd.DataFrame, name: str, path: Path) -> Array:
-    if name not in log.columns:
-        known = ", ".join(map(str, log.columns))
-        raise RunError(f"{path}: has no column {name!r}; it has {known}")
-    values = finite_numbers(log[name], str(path), name)
+def _column(log: TableSource, name: str, path: Path) -> Array:
+    values = log.column(name).values
     empty = np.flatnonzero(np.isnan(values))
     if empty.size:
         raise RunError(f"{path}: column {name}, row {int(empty[0]) + 1}: is empty")

@@ -10,6 +10,8 @@ coordinate=column:unit, then *scale and @low-pass in Hz where wanted. Or as a TO
     unit = "rad"
     scale = 0.5
     low_pass_hz = 2.0
+    [file]
+    decimal = ","                       # and all else that a map of `hil runs import` may say there
 
 The unit says what the column is and so what is done with it: an angle or a length is the pose itself;
 an acceleration becomes tilt or translation by washout, a speed is differentiated to one, an angular
@@ -29,6 +31,7 @@ from hil.config.base import Positive, Settings
 from hil.config.rig import ROTATIONS
 from hil.configfile import load_settings
 from hil.errors import ConfigError
+from hil.runs.importing.mapfile import FileSettings
 
 Kind = Literal["angle", "length", "rate", "speed", "acceleration"]
 
@@ -94,6 +97,7 @@ class CueMap(Settings):
     channel: Annotated[tuple[Channel, ...], Field(min_length=1)]
     time: TimeColumn | None = None
     rate_hz: Positive | None = Field(None, description="sampling rate of a log without time, Hz")
+    file: FileSettings = FileSettings()
 
 
 def read_cue_map(text: str) -> CueMap:

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from hil.config import AnyRig, AxisGeometry, BicycleFile, RigFile
+from hil.config import AnyRig, BicycleFile
 from hil.config.bicycle import SIGNALS as BICYCLE_SIGNALS
 from hil.config.rig import COORDINATES_OF
 from hil.errors import RunError
@@ -191,7 +191,7 @@ def _check_units(name: str, values: np.ndarray, source: str, rig: AnyRig) -> Non
     if outside.mean() <= 0.5:
         return
     worst = float(there[np.argmax(np.abs(there - 0.5 * (low + high)))])
-    unit, others = ("rad", _ANGLES) if _is_rotary(rig) else ("m", _LENGTHS)
+    unit, others = ("rad", _ANGLES) if rig.is_rotary else ("m", _LENGTHS)
     guess = next(
         (f": are these {word}?" for word, f in others if low - span <= f * worst <= high + span),
         "",
@@ -201,10 +201,6 @@ def _check_units(name: str, values: np.ndarray, source: str, rig: AnyRig) -> Non
         f"{source}: column {name}, from row {row}: most values, up to {worst:.4g}, lie far outside the "
         f"stroke {low}..{high} {unit} of the rig {rig.name!r}: wrong unit or wrong rig file{guess}"
     )
-
-
-def _is_rotary(rig: RigFile) -> bool:
-    return isinstance(rig.geometry, AxisGeometry) and rig.geometry.load == "pendulum"
 
 
 def _check_angles(name: str, values: np.ndarray, source: str) -> None:

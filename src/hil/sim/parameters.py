@@ -39,6 +39,7 @@ from hil.sim.catalogue import (
     Value,
     sensor_effects,
 )
+from hil.units import with_unit
 
 Array = NDArray[np.float64]
 REMOVABLE: Final = 0.9
@@ -117,7 +118,7 @@ class ParameterTable:
             p = self.entries[i]
             if not p.lower <= value <= p.upper:
                 raise ConfigError(
-                    f"{self.rig_name}: {name} = {value:g} {p.unit} lies outside "
+                    f"{self.rig_name}: {name} = {with_unit(f'{value:g}', p.unit)} lies outside "
                     f"{p.lower:g}..{p.upper:g}"
                 )
             out[i] = value
@@ -137,8 +138,7 @@ class ParameterTable:
 
 def _entries(rig: RigFile) -> Iterable[Parameter]:
     for a in rig.actuators:
-        rotary = isinstance(rig.geometry, AxisGeometry) and rig.geometry.load == "pendulum"
-        units = ROTARY_UNIT if rotary else {}
+        units = ROTARY_UNIT if rig.is_rotary else {}
         yield from _block(a.name, ACTUATOR, a, units)
         for quantity in QUANTITIES:
             effects = sensor_effects(QUANTITY_UNIT[quantity], QUANTITY_SCALE[quantity])

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
+from hil.bus.load import RECKONED_BITS
 from hil.config import RigFile
 from hil.signals import Quantity
 from hil.sim.plant import Plant
-
-FRAME_BITS: Final = 125
-"""Length of a frame of eight bytes with the mean number of stuff bits: 111 + about 14 [M]."""
 
 
 class Senses:
@@ -27,8 +23,8 @@ class Senses:
         }
         self._bus, self._i, self._plant, self._rng = rig.bus, i, plant, rng
         self._stroke = rig.actuators[i].stroke
-        self.frame_s = FRAME_BITS / rig.can.bitrates[rig.actuators[i].drive.bus]
-        """Time on the bus of one frame, s."""
+        self.frame_s = RECKONED_BITS / rig.can.bitrates[rig.actuators[i].drive.bus]
+        """Time that the drive reckons one frame on the bus with, s."""
 
     def reply_s(self, now_s: float) -> float:
         """When a reply leaves, so that it is received `bus.answer_delay` after now, jitter apart, s."""

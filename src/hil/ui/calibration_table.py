@@ -14,7 +14,8 @@ from typing import Final
 from hil.gap import Diagnosis
 from hil.gap.catalogue.nuisances import LIMIT
 from hil.gap.located.residual import Fitted
-from hil.ui.page import table, with_unit
+from hil.ui.page import table
+from hil.units import with_unit
 
 AT: Final = 1e-3
 """Prior deviations by which what stands at its bound may miss it."""

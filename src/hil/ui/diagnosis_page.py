@@ -17,7 +17,8 @@ from hil.ui.calibration_table import beside_effects, calibration_note, calibrati
 from hil.ui.diagnosis_data import Curves, best_first, curves, worst
 from hil.ui.diagnosis_figures import evidence_figure, signal_figure, state_figure
 from hil.ui.gap_figures import map_figure
-from hil.ui.page import page, table, with_unit
+from hil.ui.page import page, table
+from hil.units import with_unit
 
 SHOWN: Final = 3
 """Signals shown over time."""

@@ -102,8 +102,3 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence
 
     body = "".join(f"<tr>{row(r, 'td')}</tr>" for r in rows)
     return f"<table><tr>{row(heads, 'th')}</tr>{body}</table>"
-
-
-def with_unit(number: str, unit: str) -> str:
-    """A number and its unit, which what has no dimension has not."""
-    return number if unit in ("", "1") else f"{number} {unit}"

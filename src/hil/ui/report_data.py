@@ -18,6 +18,7 @@ from hil.config.rig import ROTATIONS
 from hil.errors import KinematicsError
 from hil.rigs import Manipulator, build_rig
 from hil.runs import Run
+from hil.units import quantity_unit
 
 Array = npt.NDArray[np.float64]
 
@@ -99,7 +100,7 @@ def view(run: Run) -> RunView:
             _quantity(c, _unit(c), signal(run.table, f"cue.{c}"), asked[c], measured[c])
             for c in rig.coordinates
         )
-    rotary = rig is not None and _is_rotary(rig)
+    rotary = rig is not None and rig.is_rotary
     actuators = tuple(
         _quantity(a, "°" if rotary else "mm", EMPTY, setpoints[a], positions[a]) for a in names
     )
@@ -156,10 +157,6 @@ def _unit(coordinate: str) -> str:
     return "°" if coordinate in ROTATIONS else "mm"
 
 
-def _is_rotary(rig: RigFile) -> bool:
-    return rig.geometry.kind == "axis_1dof" and rig.geometry.load == "pendulum"
-
-
 def _actuators_of(table: pd.DataFrame) -> tuple[str, ...]:
     return tuple(
         str(c).removesuffix(".position") for c in table.columns if str(c).endswith(".position")
@@ -213,7 +210,7 @@ def _poses(manipulator: Manipulator, lengths: dict[str, Series]) -> dict[str, Se
 
 
 def _force(run: Run, rig: RigFile | None, actuator: str) -> Series:
-    unit = "N·m" if rig is not None and _is_rotary(rig) else "N"
+    unit = quantity_unit("force", is_rotary=rig is not None and rig.is_rotary)
     return signal(run.table, f"{actuator}.force").scaled(1.0, unit)
 
 

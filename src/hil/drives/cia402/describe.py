@@ -10,11 +10,12 @@ from hil.drives.cia402 import codec
 from hil.drives.cia402.aborts import ABORTS
 from hil.drives.cia402.mapping import KIND_OF, TPDO, Units, candidates, rpdo
 from hil.drives.cia402.profile import Cia402Profile
-from hil.drives.describe import Described, describe_imu, units_of
+from hil.drives.describe import Described, describe_imu
 from hil.drives.power import decode_control_word, decode_status_word
 from hil.drives.profiles import Profiles
 from hil.errors import ProtocolError
 from hil.frames import Frame
+from hil.units import quantity_unit
 
 _UNKNOWN: Final = Described("", "unknown", "no frame of this rig")
 _SDO: Final = {
@@ -37,7 +38,7 @@ class CanopenDescriber:
     """Reads the frames of the CANopen drives of a rig file."""
 
     def __init__(self, rig: RigFile, profiles: Profiles) -> None:
-        self._units = units_of(rig)
+        self._is_rotary = rig.is_rotary
         self._imu_id = rig.can.imu_base_id if rig.imu else None
         self._names = {rig.address(i): a.name for i, a in enumerate(rig.actuators)}
         self._readers: dict[int, tuple[str, str, Callable[[bytes], Described]]] = {}
@@ -116,7 +117,8 @@ class CanopenDescriber:
         return Described("rig", "network", f"{command.name.lower().replace('_', ' ')}: {whom}")
 
     def _shown(self, quantity: str, value: float) -> str:
-        return f"{value:+.{7 if quantity == 'position' else 3}f} {self._units[quantity]}"
+        number = f"{value:+.{7 if quantity == 'position' else 3}f}"
+        return f"{number} {quantity_unit(quantity, is_rotary=self._is_rotary)}"
 
 
 def _sdo(

@@ -26,6 +26,7 @@ from hil.sim.catalogue import IMU_CHANNELS, QUANTITIES
 Array = NDArray[np.float64]
 
 FRAME_BITS: Final = 125
+"""A frame of eight bytes; a number of this world's own, as all of it is."""
 BUSY: Final = 0.3
 """Chance that a frame finds the bus taken."""
 TALK_S: Final = 5e-4

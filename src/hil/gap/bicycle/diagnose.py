@@ -106,12 +106,14 @@ def _explained(
     e = located.evidence
     sd = np.array([n.sd for n in chosen])
     floor = e.noise
+    assert isinstance(e.problem, RideProblem)
+    problem = e.problem
     if steps:
-        assert isinstance(e.problem, RideProblem)
-        floor = with_steps(floor, e.problem, e.vector, steps, np.random.default_rng(seed + 3))
+        floor = with_steps(floor, problem, e.vector, steps, np.random.default_rng(seed + 3))
 
     def explained_with(noise: NoiseModel) -> tuple[Diagnosis, NoiseModel]:
-        counted = with_tolerances(replace(e, noise=noise), sd, np.random.default_rng(seed + 1))
+        rng = np.random.default_rng(seed + 1)
+        counted = with_tolerances(noise, problem, e.vector, e.jacobian, sd, rng)
         # A candidate's own pattern tells it from noise long before the whole residual does: all are weighed.
         floors = counted.floor(e.problem)
         asked = replace(

@@ -13,6 +13,7 @@ from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.catalogue.nuisances import SWITCHED_ON, Nuisance
 from hil.gap.record.leaf import Changes, Leaf, Start
 from hil.gap.record.problem import Problem
+from hil.units import quantity_unit
 
 LEAN_ZERO: Final = 0.004
 """rad: how upright a bicycle is held when its inclinometer is zeroed [R]."""
@@ -50,11 +51,10 @@ def ride_nuisances(rig: BicycleFile, problem: Problem) -> tuple[Nuisance, ...]:
         out.append(Nuisance(f"{LEAN_TORQUE}.sensor_bias.offset", ASIDE, "N·m"))
     channels = [s for s in problem.signals if s.startswith("imu.")]
     for s in channels:
-        gyro = s.startswith("imu.gyro")
+        noise = rig.noise.gyro if s.startswith("imu.gyro") else rig.noise.accel
         carried = [np.mean(problem.measured[x.part]) for x in problem.series if x.signal == s]
-        sd = IMU_BIAS * (rig.noise.gyro if gyro else rig.noise.accel)
-        sd = float(np.hypot(sd, SCALE * np.mean(carried)))
-        unit = "rad/s" if gyro else "m/s²"
+        sd = float(np.hypot(IMU_BIAS * noise, SCALE * np.mean(carried)))
+        unit = quantity_unit(s.removeprefix("imu."))
         out.append(Nuisance(f"{s}.sensor_bias.offset", sd, unit, drift=SWITCHED_ON))
     out += [Nuisance(f"imu.sensor_misalignment.{c}", MISALIGNMENT, "rad") for c in "xyz"]
     out.append(Nuisance("imu.sensor_latency.delay", LATENCY_S, "s"))

@@ -2,7 +2,8 @@
 
 No rig moves: what comes out is a sentence for the rider, and simulated rides, one a candidate, to hold the
 real one against. Each manoeuvre is ridden once by the simulated rider; the twin with each candidate answers
-that ride, and what the others and the nuisances cannot make up for tells them apart, as in `hil.gap.next`.
+that ride, and what the others and the nuisances cannot make up for tells them apart, as in `hil.gap.next`,
+where it stands above noise and what a healthy bicycle is off its file by.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 import tomlkit
+from numpy.typing import NDArray
 
 from hil.bicycle.manoeuvres import MANOEUVRES, Manoeuvre
 from hil.bicycle.recorded import prepare
@@ -23,12 +25,16 @@ from hil.blas import one_blas_thread
 from hil.config import BicycleFile
 from hil.errors import IdentificationError, KinematicsError, RunError
 from hil.gap.bicycle.leaves import ride_nuisances
-from hil.gap.bicycle.noise import ride_noise
+from hil.gap.bicycle.noise import ride_noise, tempered, with_tolerances
 from hil.gap.bicycle.problem import RideProblem
+from hil.gap.catalogue.nuisances import Nuisance
+from hil.gap.floor.noise import NoiseModel
 from hil.gap.next.candidates import Candidate, read_candidates, vector_of
 from hil.gap.next.score import Split, split_between
 from hil.runs import Run, RunMeta
 from hil.runs.table import check_table
+
+Array = NDArray[np.float64]
 
 USUAL: Final = "u-turns"
 """What one rides who asks nothing in particular."""
@@ -110,10 +116,9 @@ def propose_ride(
         answers = problem.answers(np.array(vectors))
         if not np.all(np.isfinite(answers)):
             continue
-        noise = ride_noise(problem, vectors[0], np.random.default_rng(seed))
-        split = split_between(
-            problem, noise, ride_nuisances(rig, problem), candidates, vectors, answers
-        )
+        nuisances = ride_nuisances(rig, problem)
+        noise = _noise(problem, nuisances, vectors[0], answers[0], np.random.default_rng(seed))
+        split = split_between(problem, noise, nuisances, candidates, vectors, answers)
         first, last = problem.pieces[0].span_s
         found.append((split.entropy, m, last - first, split))
     if not found:
@@ -130,6 +135,19 @@ def _ridden(m: Manoeuvre, rig: BicycleFile, signals: Sequence[str], seed: int) -
     run = Run(Path(m.name), RunMeta(rig=rig.name, mode="ride"), None, table, pd.DataFrame({"t": []}),
               (), None, rig)  # fmt: skip
     return RideProblem(rig, [prepare(run, rig)])
+
+
+def _noise(
+    problem: RideProblem, nuisances: Sequence[Nuisance], vector: Array, answer: Array,
+    rng: np.random.Generator,
+) -> NoiseModel:  # fmt: skip
+    """The floor as the diagnosis of a gap weighs candidates: beside what the best of them leaves, which is
+    noise again, and what a healthy bicycle is off its file by. `answer` (N,) is the twin's at `vector`."""
+    noise = ride_noise(problem, vector, rng)
+    jacobian = problem.jacobian([n.name for n in nuisances], vector, answer)
+    sd = np.array([n.sd for n in nuisances])
+    drawn = with_tolerances(noise, problem, vector, jacobian, sd, rng).draws
+    return tempered(noise, problem, np.sqrt(np.mean(drawn**2, axis=0)), 1.0)
 
 
 def write_ride_proposal(path: Path, proposal: RideProposal, seed: int = 0) -> list[Path]:

@@ -22,7 +22,6 @@ from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.twin import LEAN_TORQUE, RideTwin
 from hil.gap.floor.differences import SPIKE
 from hil.gap.floor.noise import NoiseModel, autoregression, projected
-from hil.gap.located.result import Evidence
 from hil.gap.record.problem import Problem
 from hil.rigs.bicycle import Packed, low_pass
 
@@ -181,15 +180,16 @@ def no_louder(model: NoiseModel, problem: RideProblem, residual: Array) -> Noise
     return of_draws(problem, drawn, f"{model.text}; no louder than all that is left")
 
 
-def with_tolerances(evidence: Evidence, sd: Array, rng: np.random.Generator) -> NoiseModel:
-    """The noise of `evidence` with draws that hold as well what a healthy bicycle is off its file by.
+def with_tolerances(
+    model: NoiseModel, problem: RideProblem, vector: Array, jacobian: Array, sd: Array,
+    rng: np.random.Generator,
+) -> NoiseModel:  # fmt: skip
+    """The noise `model` with draws that hold as well what a healthy bicycle is off its file by.
 
-    Draws of the bicycle's numbers and of its sensors' scales and times go through the twin; the nuisances,
-    whose priors are `sd` (K,) wide, take from each what they take from a record.
+    Draws of the bicycle's numbers and of its sensors' scales and times go through the twin at `vector`; the
+    nuisances (`jacobian` (N, K), priors `sd` (K,) wide) take from each what they take from a record.
     """
-    model, problem = evidence.noise, evidence.problem
-    assert isinstance(problem, RideProblem)
-    values = problem.values(evidence.vector)
+    values = problem.values(vector)
     off = np.empty_like(model.draws)
     for d in range(len(off)):
         told = _mounted(values, rng)
@@ -202,7 +202,7 @@ def with_tolerances(evidence: Evidence, sd: Array, rng: np.random.Generator) -> 
             parts += [EDGE * (wrong[s] - right[s]) for s in twin.signals]
         off[d] = np.concatenate(parts)
     off = np.where(np.isfinite(off), off, 0.0)
-    freed = projected(replace(model, draws=off), problem, evidence.jacobian, sd)
+    freed = projected(replace(model, draws=off), problem, jacobian, sd)
     return replace(
         model,
         draws=model.draws + freed.draws,

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from hil.config import AxisGeometry, RigFile
+from hil.sim.parameters import ParameterTable
 
 LIMIT: Final = 3.0
 """Bound of a nuisance in standard deviations of its prior."""
@@ -76,40 +77,43 @@ def default_nuisances(
 
     Only those that the recorded `signals` can feel are given. `are_forces`: setpoints are.
     """
-    known = set(signals)
-    out = [Nuisance("platform.payload_mass.mass", MASS * rig.mass.m, "kg")]
+    known, table = set(signals), ParameterTable(rig)
+    out: list[Nuisance] = []
+
+    def free(name: str, sd: float, drift: float = DRIFT) -> None:
+        out.append(Nuisance(name, sd, table[name].unit, drift=drift))
+
+    free("platform.payload_mass.mass", MASS * rig.mass.m)
     if isinstance(rig.geometry, AxisGeometry):
-        if rig.geometry.load == "pendulum":
-            sd = INERTIA * rig.actuators[0].effective_mass
-            out += [Nuisance(f"platform.payload_cog.{c}", COG_M, "m") for c in "xz"]
-            out.append(Nuisance("platform.payload_inertia.yy", sd, "kg·m²"))
+        if rig.is_rotary:
+            for c in "xz":
+                free(f"platform.payload_cog.{c}", COG_M)
+            free("platform.payload_inertia.yy", INERTIA * rig.actuators[0].effective_mass)
     else:
-        out += [Nuisance(f"platform.payload_cog.{c}", COG_M, "m") for c in "xyz"]
-        out += [Nuisance(f"platform.base_tilt.{c}", TILT_RAD, "rad") for c in ("roll", "pitch")]
+        for c in "xyz":
+            free(f"platform.payload_cog.{c}", COG_M)
+        for c in ("roll", "pitch"):
+            free(f"platform.base_tilt.{c}", TILT_RAD)
     for a in rig.actuators:
-        sd = max(VISCOUS * a.viscous, 1e-3 * a.force_max)
-        out.append(Nuisance(f"{a.name}.viscous_friction.coefficient", sd, "N·s/m"))
-        out.append(Nuisance(f"{a.name}.coulomb_friction.force", COULOMB * a.coulomb, "N"))
+        free(f"{a.name}.viscous_friction.coefficient", max(VISCOUS * a.viscous, 1e-3 * a.force_max))
+        free(f"{a.name}.coulomb_friction.force", COULOMB * a.coulomb)
         if rig.bus.setpoint_delay > 0.0:
-            sd = FORCE_DELAY_S if are_forces else DELAY_S
-            out.append(Nuisance(f"{a.name}.transport_delay.delay", sd, "s"))
+            free(f"{a.name}.transport_delay.delay", FORCE_DELAY_S if are_forces else DELAY_S)
         for quantity, sd in LATENCY_S.items():
             if f"{a.name}.{quantity}" in known:
-                delay = f"{a.name}.{quantity}.sensor_latency.delay"
-                out.append(Nuisance(delay, sd, "s"))
+                free(f"{a.name}.{quantity}.sensor_latency.delay", sd)
         per_ampere = a.force_per_ampere or math.inf
-        for quantity, sd, unit in (
-            ("position", ZERO * rig.noise.position, "m"),
-            ("force", max(ZERO * rig.noise.force, FORCE_BIAS * a.force_max), "N"),
-            ("current", max(ZERO * rig.noise.current, FORCE_BIAS * a.force_max / per_ampere), "A"),
+        for quantity, sd in (
+            ("position", ZERO * rig.noise.position),
+            ("force", max(ZERO * rig.noise.force, FORCE_BIAS * a.force_max)),
+            ("current", max(ZERO * rig.noise.current, FORCE_BIAS * a.force_max / per_ampere)),
         ):
             if f"{a.name}.{quantity}" in known:
-                out.append(Nuisance(f"{a.name}.{quantity}.sensor_bias.offset", sd, unit))
+                free(f"{a.name}.{quantity}.sensor_bias.offset", sd)
     for signal in sorted(s for s in known if s.startswith("imu.")):
-        gyro = signal.startswith("imu.gyro")
-        sd = IMU_BIAS * (rig.noise.gyro if gyro else rig.noise.accel)
-        unit = "rad/s" if gyro else "m/s²"
-        out.append(Nuisance(f"{signal}.sensor_bias.offset", sd, unit, drift=SWITCHED_ON))
+        noise = rig.noise.gyro if signal.startswith("imu.gyro") else rig.noise.accel
+        free(f"{signal}.sensor_bias.offset", IMU_BIAS * noise, SWITCHED_ON)
     if any(s.startswith("imu.") for s in known):
-        out += [Nuisance(f"imu.sensor_misalignment.{c}", MISALIGNMENT_RAD, "rad") for c in "xyz"]
+        for c in "xyz":
+            free(f"imu.sensor_misalignment.{c}", MISALIGNMENT_RAD)
     return tuple(n for n in out if n.sd > 0.0)

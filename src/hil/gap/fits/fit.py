@@ -30,6 +30,26 @@ SETTLED: Final = 0.02
 """Share of what is left, by which a round gains where a fit goes on."""
 FAR: Final = 0.01
 """Squared prior deviations of a step of nuisances from which on it tells of their sensitivities."""
+SHORTER: Final = (1.0, 0.4, 0.1)
+"""Shares of a round's step that are tried, until one leaves less."""
+LEAST_LEFT: Final = 0.02
+"""Nats of a judged sample: where less is left, a round's gain is counted as a share of that."""
+CALMER: Final = 0.8
+"""Times the spread of what is left before: a round that brings it there goes on, whatever it gained."""
+NEARER: Final = (1.0, 0.3, 0.05)
+"""Shares of a start's way that are tried."""
+NARROWEST: Final = {"displacement": 3e-5}
+"""A narrower hysteresis is none: friction begins at once in the twin."""
+BY_VALUE: Final[Mapping[str, float]] = {
+    "limit": 0.02, "period": 1e-3, "displacement": 0.1, "velocity": 0.1,
+}  # fmt: skip
+"""Parameters of which only the value itself means something, and the share of it that differences are taken
+over."""
+GAP_STEP: Final = (0.1, 2e-6)
+"""The same of a gap, and m at least."""
+PHASE_STEP_RAD: Final = 0.1
+DELAY_STEP_S: Final = 5e-4
+LATENCY_STEP_S: Final = 1e-4
 WEAK: Final = 10.0
 """Prior spread of a candidate's parameter in its own scales: keeps what data do not hold from running off."""
 
@@ -87,7 +107,7 @@ def fit(
         inverse = np.asarray(np.linalg.pinv(information), dtype=np.float64)
         covariance = inverse[len(held) :, len(held) :] * np.outer(scale, scale)
         gained = 0.0
-        for share in (1.0, 0.4, 0.1):
+        for share in SHORTER:
             point = here + share * (new - here)
             trial = _at(c, vector, held, sd, point[: len(held)] - z, index, entries,
                         point[len(held) :] * scale)  # fmt: skip
@@ -106,8 +126,8 @@ def fit(
                 z, x = point[: len(held)], point[len(held) :] * scale
                 break
         before, spread = spread, spread_of(c, white)
-        enough = settled * max(cost / max(c.train.sum(), 1), 0.02) * c.train.sum()
-        stalled = 0 if gained > enough or spread < 0.8 * before else stalled + 1
+        enough = settled * max(cost / max(c.train.sum(), 1), LEAST_LEFT) * c.train.sum()
+        stalled = 0 if gained > enough or spread < CALMER * before else stalled + 1
         if stalled > 1 or (stalled == 1 and share == 1.0):
             break  # settled, or corrected sensitivities have not helped either
     full_z = np.array(c.z)
@@ -199,12 +219,6 @@ def _scanned(
     return best[1:]
 
 
-NEARER: Final = (1.0, 0.3, 0.05)
-"""Shares of a start's way that are tried."""
-NARROWEST: Final = {"displacement": 3e-5}
-"""A narrower hysteresis is none: friction begins at once in the twin."""
-
-
 def _ends(p: Parameter) -> list[float]:
     """Bounds in the search coordinate."""
     lower = max(p.lower, NARROWEST.get(p.parameter, -np.inf))
@@ -222,11 +236,22 @@ def _units(held: Sequence[int], scale: Array) -> Array:
 
 
 def step_size(p: Parameter, x: float) -> float:
-    """A step that matters, in the search coordinate: the table's, or a tenth of where the search stands."""
-    own = float(abs(p.to_search(p.scale)))
-    if p.parameter in ("limit", "period", "displacement", "velocity"):
+    """A step that matters, in the search coordinate: the table's, or all of where the search stands."""
+    if p.parameter in BY_VALUE:
         return max(abs(x), 1e-9)
-    return own
+    return float(abs(p.to_search(p.scale)))
+
+
+def _difference(p: Parameter, x: float) -> float:
+    """The step, in the search coordinate, that a sensitivity is a difference over."""
+    if p.parameter == "gap":
+        share, least = GAP_STEP
+        return max(share * abs(x), least)
+    if p.parameter == "phase":
+        return PHASE_STEP_RAD
+    if p.parameter == "delay":
+        return LATENCY_STEP_S if p.name.endswith(LATENCY) else DELAY_STEP_S
+    return BY_VALUE.get(p.parameter, 0.0) * abs(x) or 0.5 * p.search_step
 
 
 def _total(c: Calibrated, white: Array, z: Array, spread: float) -> float:
@@ -252,15 +277,6 @@ def _at(
     return out
 
 
-STEP: Final[Mapping[str, float]] = {
-    "limit": 0.02,
-    "period": 1e-3,
-    "displacement": 0.1,
-    "velocity": 0.1,
-}
-"""Relative steps of parameters of which only the value itself means something."""
-
-
 def sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[str]) -> Array:
     """(N, P) whitened change per unit of each search coordinate."""
     problem, table = c.problem, c.problem.table
@@ -271,13 +287,7 @@ def sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[s
         p, i = table[name], table.index(name)
         x = p.to_search(float(vector[i]))
         high = max(p.to_search(p.lower), p.to_search(p.upper))
-        step = STEP.get(p.parameter, 0.0) * abs(x) or 0.5 * p.search_step
-        if p.parameter == "gap":
-            step = max(0.1 * abs(x), 2e-6)
-        if p.parameter == "phase":
-            step = 0.1
-        if p.parameter == "delay":
-            step = 1e-4 if name.endswith(LATENCY) else 5e-4
+        step = _difference(p, x)
         if x + step > high:
             step = -step
         row = np.array(vector)

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from hil.bus.load import RECKONED_BITS
 from hil.config import RigFile
 from hil.gap.record.led import replay_led
 from hil.gap.record.problem import Problem, Series, run_all
 from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import Stretch
-from hil.sim.senses import FRAME_BITS
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ BUSY: Final = 0.4
 
 def longest_wait_s(rig: RigFile) -> float:
     """Most that a setpoint waits for the bus: no more than the rig file's setpoint delay, which has it in."""
-    return min(WAIT_FRAMES * FRAME_BITS / rig.can.bitrate, rig.bus.setpoint_delay)
+    return min(WAIT_FRAMES * RECKONED_BITS / rig.can.bitrate, rig.bus.setpoint_delay)
 
 
 def draws(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from hil.config import Effect
 from hil.gap.judged.diagnosis import Cause, Diagnosis
 from hil.gap.located.sanity import Finding
+from hil.units import with_unit
 
 
 def as_it_was(effects: Sequence[Effect], was: Diagnosis) -> tuple[tuple[Effect, ...], Finding]:
@@ -36,7 +37,6 @@ def _line(x: Cause) -> Effect:
 
 def _named(x: Cause) -> str:
     values = ", ".join(
-        f"{name} {p.value:.4g}" + ("" if p.unit == "1" else f" {p.unit}")
-        for name, p in x.parameters.items()
+        with_unit(f"{name} {p.value:.4g}", p.unit) for name, p in x.parameters.items()
     )
     return f"{x.effect.replace('_', ' ')} ({values})"

@@ -19,6 +19,10 @@ from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.record.problem import Problem
 
+KEY: Final = "interpolation"
+"""In a rig file's table `bus`."""
+RESTING: Final = "linear_rests"
+"""Its value for drives that rest."""
 HELD: Final = 0.1
 """Share of the rest, either way (when within a cycle force is sampled is not told exactly), from which on a
 record may hold it [set on tuning seeds: 0.03 at most where drives do not rest and nothing is viscous]."""
@@ -39,16 +43,16 @@ def may_rest(rig: RigFile) -> bool:
 
 def resting_twin(rig: RigFile) -> RigFile:
     """`rig` with drives that rest for a tick at each setpoint."""
-    bus = rig.bus.model_copy(update={"interpolation": "linear_rests"})
+    bus = rig.bus.model_copy(update={KEY: RESTING})
     return rig.model_copy(update={"bus": bus})
 
 
 def rest_found(rig: RigFile) -> Finding:
     """What the reader must know where drives of `rig` were found to rest."""
     return Finding(
-        "warning", "bus.interpolation",
+        "warning", f"bus.{KEY}",
         f"the drives stand still for a tick of {1e3 * rig.bus.position_loop:g} ms at each setpoint, unlike "
-        f'"{rig.bus.interpolation}": the twin rests with them; "linear_rests" belongs into the rig file',
+        f'"{rig.bus.interpolation}": the twin rests with them; "{RESTING}" belongs into the rig file',
     )  # fmt: skip
 
 

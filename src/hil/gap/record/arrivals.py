@@ -11,16 +11,17 @@ they do on average, and the kicks count as noise.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bus.load import RECKONED_BITS
 from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import Ticks
-from hil.sim.senses import FRAME_BITS
+from hil.identify.jumps import fewest_jumps
 
 Array = NDArray[np.float64]
 
@@ -41,8 +42,6 @@ TURNS: Final = (
 )  # fmt: skip
 """What is moved in turn once ticks are found, by steps of so many ticks (rate: s/s), so many either way: a
 frame that comes near a tick acts at this one or the next, and only a few hundredths of a tick tell which."""
-KICK: Final = 1.5
-"""Typical steps of the fine structure from which on one counts by its logarithm."""
 
 
 def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
@@ -77,7 +76,7 @@ def _started(problem: Problem) -> dict[tuple[int, str], Ticks]:
     most and one. Which setpoint is played when jumps with it, so no slope leads there: all are tried."""
     rig = problem.rig
     names = rig.actuator_names
-    frame_s = FRAME_BITS / rig.can.bitrate
+    frame_s = RECKONED_BITS / rig.can.bitrate
     tried = np.arange(0.0, (len(names) + 1) * frame_s + 1e-9, frame_s)
     keys = [(k, a) for k, p in enumerate(problem.pieces) if p.mode == "position" for a in names]
     sizes = {key: np.full(len(tried), np.inf) for key in keys}
@@ -127,34 +126,32 @@ def _refined(
     if not found:
         return found
 
-    def steps_of(clocks: dict[tuple[int, str], Ticks]) -> dict[tuple[int, str], Array]:
+    def steps_of(clocks: Mapping[tuple[int, str], Ticks]) -> dict[tuple[int, str], Array]:
         flat = problem.with_clocks(clocks).predict(vector)[0]
         return {
             key: np.concatenate([s[0, kept] for _, s, kept in _fine(problem, *key, [flat])])
             for key in clocks
         }
 
-    usual = {key: KICK * float(np.median(s)) + 1e-12 for key, s in steps_of(found).items()}
-    least = dict.fromkeys(found, np.inf)
-    best = dict(found)
-    for name, step, most in TURNS:
-        start = dict(best)
-        for count in sorted(range(-most, most + 1), key=abs):
-            moved = {key: _moved(problem, key, start[key], name, count * step) for key in start}
-            for key, s in steps_of(moved).items():
-                size = float(np.sum(np.log1p((s / usual[key]) ** 2)))
-                if size < least[key]:
-                    least[key], best[key] = size, moved[key]
-    return best
+    turns = [(most, _moving(problem, name, step)) for name, step, most in TURNS]
+    return fewest_jumps(found, turns, steps_of)[0]
 
 
-def _moved(problem: Problem, key: tuple[int, str], ticks: Ticks, name: str, by: float) -> Ticks:
-    """Ticks with one number moved; the rate about the middle of the stretch."""
-    if name != "rate":
-        return replace(ticks, **{name: getattr(ticks, name) + by * problem.rig.bus.position_loop})
-    start, end = problem.pieces[key[0]].span_s
-    turn = by * (0.5 * (start + end) - ticks.origin_s)
-    return replace(ticks, rate=ticks.rate + by, phase_s=ticks.phase_s - turn)
+def _moving(
+    problem: Problem, name: str, step: float
+) -> Callable[[tuple[int, str], Ticks, int], Ticks]:
+    """What moves one number of ticks by so many `step`s; the rate about the middle of the stretch."""
+
+    def moved(key: tuple[int, str], ticks: Ticks, count: int) -> Ticks:
+        by = count * step
+        if name != "rate":
+            late = {name: getattr(ticks, name) + by * problem.rig.bus.position_loop}
+            return replace(ticks, **late)
+        start, end = problem.pieces[key[0]].span_s
+        turn = by * (0.5 * (start + end) - ticks.origin_s)
+        return replace(ticks, rate=ticks.rate + by, phase_s=ticks.phase_s - turn)
+
+    return moved
 
 
 def _fineness(problem: Problem, stretch: int, actuator: str, flat: Array) -> float:

@@ -42,6 +42,7 @@ AT_LEAST: Final = 3.0
 FEWEST: Final = 20
 """A signal with fewer samples in a stretch is left out of it."""
 MOTION_STEP_S: Final = 0.005
+"""Of the grid that `Problem.motion` is told on: regions are coarser by far."""
 BIAS: Final = ".sensor_bias.offset"
 LATENCY: Final = ".sensor_latency.delay"
 
@@ -108,17 +109,8 @@ class Problem:
             )
         self.measured: Array = np.concatenate([self._samples(x)[1] for x in series])
         self.t_s: Array = np.concatenate([self._samples(x)[0] for x in series])
-        loose = [self._loose_s(piece) for piece in self.pieces]
-        self.kept: Mask = np.concatenate(
-            [self._samples(x)[0] >= loose[x.stretch][x.actuator] for x in series]
-        )
+        self.kept: Mask = self._judged_samples()
         """(N,) samples that are judged."""
-        for x in series:
-            if x.quantity in ("force", "current") and x.actuator in rig.actuator_names:
-                self.kept[x.part] &= ~at_rest(self.sent[x.stretch], x.actuator, self.t_s[x.part])
-            else:
-                own = [x.actuator] if x.actuator in rig.actuator_names else rig.actuator_names
-                self.kept[x.part] &= ~is_held(self.sent[x.stretch], own, self.t_s[x.part])
         if not self.kept.any():
             raise IdentificationError(
                 f"{', '.join(p.name for p in pieces)}: nothing moved by {1e3 * LOOSE:g} mm or mrad: there is "
@@ -144,6 +136,20 @@ class Problem:
 
     def _samples(self, x: Series) -> tuple[Array, Array]:
         return self.pieces[x.stretch].samples[x.signal]
+
+    def _judged_samples(self) -> Mask:
+        """(N,) those from when on their actuator moves, but no force while it is told to stand still, and no
+        motion, where forces are set, while it rests or turns."""
+        loose = [self._loose_s(piece) for piece in self.pieces]
+        kept = np.zeros(self.size, dtype=bool)
+        for x in self.series:
+            t, sent, driven = self.t_s[x.part], self.sent[x.stretch], self.rig.actuator_names
+            if x.quantity in ("force", "current") and x.actuator in driven:
+                still = at_rest(sent, x.actuator, t)
+            else:
+                still = is_held(sent, [x.actuator] if x.actuator in driven else driven, t)
+            kept[x.part] = (t >= loose[x.stretch][x.actuator]) & ~still
+        return kept
 
     def _loose_s(self, piece: Stretch) -> dict[str, float]:
         """By actuator, and "imu": from when on its signals are judged; never where it never moves."""

@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bus.load import RECKONED_BITS
 from hil.config import RigFile
 from hil.identify.estimate import stamps
 from hil.identify.replay import Stretch, replay_of
@@ -29,10 +30,6 @@ from hil.sim.twin import Twin
 Array = NDArray[np.float64]
 QUEUE_FRAMES: Final = 2.0
 """Frames of others that one of ours may have to wait for: drives' answers and an IMU's two [R]."""
-FRAME_BITS: Final = 125
-"""A frame of eight bytes with its stuff bits [M]."""
-
-
 ROUNDS: Final = 3
 """Corrections at the recorded arrival times: the artefact depends a little on the truth."""
 TRUST: Final = 10.0
@@ -136,7 +133,7 @@ def redrawn(rig: RigFile, piece: Stretch, rng: np.random.Generator) -> Stretch:
     again = stamps.redrawn(rig, piece, rng)
     if again is not None:
         return again
-    wait_s = QUEUE_FRAMES * FRAME_BITS / rig.can.bitrate
+    wait_s = QUEUE_FRAMES * RECKONED_BITS / rig.can.bitrate
     out = {}
     for name, (t, value) in piece.setpoints.items():
         jitter, queueing = rng.uniform(), rng.uniform()

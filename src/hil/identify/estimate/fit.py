@@ -30,6 +30,7 @@ from hil.identify.estimate.result import Estimate, Identification, estimates
 from hil.identify.estimate.stamps import placed
 from hil.identify.replay import Stretch, stretches
 from hil.runs import Run
+from hil.units import with_unit
 
 Array = NDArray[np.float64]
 LinearMethod = Literal["ols", "wls", "iv", "adaptive"]
@@ -235,7 +236,7 @@ def _corrected(found: Sequence[Estimate], moved: Array) -> list[str]:
     """What parameters that the data tell would have been without the twin's correction `moved` (P,), where
     that is more than a standard deviation."""
     told = [
-        f"{e.name} {e.value - by:.4g} {e.unit}"
+        with_unit(f"{e.name} {e.value - by:.4g}", e.unit)
         for e, by in zip(found, moved, strict=True)
         if e.identifiable and abs(by) > e.std
     ]

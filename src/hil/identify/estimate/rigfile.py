@@ -64,8 +64,8 @@ def _comment(e: Estimate, source: str) -> str:
     return f"{e.ci95[0]:.5g} .. {e.ci95[1]:.5g} (95 %), was {e.nominal:.6g}; {source}"
 
 
-def _set(table: Any, key: str, value: Any, comment: str) -> bool:
-    """Replace a value; what its line said in a comment stays, `comment` follows."""
+def set_value(table: Any, key: str, value: Any, comment: str) -> bool:
+    """Replace a value of a TOML table; what its line said in a comment stays, `comment` follows."""
     item: Item = tomlkit.item(value)
     before = table[key].trivia.comment.removeprefix("#").strip() if key in table else ""
     item.comment(f"{before}; {comment}" if before else comment)
@@ -77,29 +77,29 @@ def _write(doc: Any, rig: RigFile, e: Estimate, source: str) -> bool:
     head, _, field = e.name.partition(".")
     value, comment = _rounded(e.value, e.std), _comment(e, source)
     if e.name == "mass.m":
-        return _set(doc["mass"], "m", value, comment)
+        return set_value(doc["mass"], "m", value, comment)
     if field.startswith("cog."):
         cog = list(doc["mass"].get("cog", [0.0, 0.0, 0.0]))
         cog[AXES[field[-1]]] = value
-        return _set(doc["mass"], "cog", cog, f"{field}: {comment}")
+        return set_value(doc["mass"], "cog", cog, f"{field}: {comment}")
     if head == "mass":
         inertia = [list(row) for row in doc["mass"]["inertia"]]
         i, j = AXES[field[-2]], AXES[field[-1]]
         inertia[i][j] = inertia[j][i] = value
-        return _set(doc["mass"], "inertia", inertia, f"{field}: {comment}")
+        return set_value(doc["mass"], "inertia", inertia, f"{field}: {comment}")
     if head == "bus":
         if "bus" not in doc:
             doc["bus"] = tomlkit.table()
-        return _set(doc["bus"], field, value, comment)
+        return set_value(doc["bus"], field, value, comment)
     for table, actuator in zip(doc["actuators"], rig.actuators, strict=True):
         if head not in (GROUP, actuator.name):
             continue
         if e.name == FORCE_GAIN:
             for gain in force_gains(actuator.law):
                 own = getattr(actuator, gain)
-                _set(table, gain, _rounded(own * e.value, own * e.std), f"x {comment}")
+                set_value(table, gain, _rounded(own * e.value, own * e.std), f"x {comment}")
         else:
-            _set(table, field, value, comment)
+            set_value(table, field, value, comment)
     return True
 
 
@@ -132,8 +132,8 @@ def _write_body(doc: Any, told: Mapping[str, Estimate], source: str) -> list[boo
     for key in ("xx", "yy", "zz", "xy", "xz", "yz"):
         i, j = AXES[key[0]], AXES[key[1]]
         inertia[i, j] = inertia[j, i] = round(values[f"mass.inertia.{key}"], 4)
-    _set(doc["mass"], "cog", cog, source)
-    _set(doc["mass"], "inertia", inertia.tolist(), source)
+    set_value(doc["mass"], "cog", cog, source)
+    set_value(doc["mass"], "inertia", inertia.tolist(), source)
     return [True]
 
 

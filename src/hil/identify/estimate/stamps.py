@@ -20,7 +20,7 @@ late that the twin's jumps fall on the rig's. (Encoders would take friction for 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.identify.estimate.traffic import Traffic, frame_s, played_again
+from hil.identify.jumps import fewest_jumps
 from hil.identify.replay import Stretch, replay_of
 from hil.sim.twin import Twin
 
@@ -48,9 +49,7 @@ PHASES: Final = ((PHASE_S, 4),)
 LATE: Final = ((0.05, 10), (0.01, 5), (2e-3, 5), (5e-4, 4))
 """The same for frames that come later than their stamps say, in ticks, each about the best before."""
 CLEARER: Final = 0.01
-"""What moving setpoints must take off a drive's jumps (`_jumps`) to be believed [R]."""
-JUMP: Final = 1.5
-"""Typical steps of force from which on one counts by its logarithm."""
+"""What moving setpoints must take off a drive's jumps (`fewest_jumps`) to be believed [R]."""
 
 
 def placed(rig: RigFile, pieces: Sequence[Stretch]) -> list[Stretch]:
@@ -196,26 +195,15 @@ def _as_late_as_jumps(rig: RigFile, piece: Stretch) -> Stretch:
         answers = job.by_signal(job.run())
         return {a: np.abs(np.diff(piece.samples[s][1] - answers[s])) for a, s in signals.items()}
 
-    best = dict.fromkeys(signals, 0.0)
-    first = steps(best)
-    usual = {a: JUMP * float(np.median(s)) + 1e-12 for a, s in first.items()}
-    stamped = {a: _jumps(s, usual[a]) for a, s in first.items()}
-    least = dict(stamped)
-    for step_s, most in turns:
-        start = dict(best)
-        for k in sorted(range(-most, most + 1), key=abs)[1:]:
-            tried = {a: late_s + k * step_s for a, late_s in start.items()}
-            for a, s in steps(tried).items():
-                jumps = _jumps(s, usual[a])
-                if jumps < least[a]:
-                    least[a], best[a] = jumps, tried[a]
-    found = {a: s for a, s in best.items() if least[a] < stamped[a] - CLEARER}
+    best, gain = fewest_jumps(
+        dict.fromkeys(signals, 0.0), [(most, _step(step_s)) for step_s, most in turns], steps
+    )
+    found = {a: s for a, s in best.items() if gain[a] > CLEARER}
     return replace(_later(piece, found), late_s=found) if found else piece
 
 
-def _jumps(steps: Array, usual: float) -> float:
-    """Size of the jumps among `steps` of a force, large ones by their logarithm."""
-    return float(np.mean(np.log1p((steps / usual) ** 2)))
+def _step(step_s: float) -> Callable[[str, float, int], float]:
+    return lambda _, late_s, count: late_s + count * step_s
 
 
 def _later(piece: Stretch, by_s: Mapping[str, float]) -> Stretch:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from hil.errors import IdentificationError
 from hil.identify.frequency.channels import Channel
 from hil.identify.frequency.periodic import Spectra, check_seen, respond
-from hil.identify.frequency.response import FrequencyResponse, ratio_variance
+from hil.identify.frequency.response import FrequencyResponse, coherence, means, ratio_variance
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -153,25 +153,13 @@ def best_linear(
     per = [_by_reference(s, lines) for s in realisations]
     y, u = np.array([p[0] for p in per]), np.array([p[1] for p in per])
     var_y, var_u, cov = (sum(np.asarray(p[k]) for p in per) / m**2 for k in (2, 3, 4))
-    ym, um = y.mean(axis=0), u.mean(axis=0)
+    ym, um, *_ = around = means(y, u)
     noise = np.sqrt(ratio_variance(ym, um, np.real(var_y), np.real(var_u), np.asarray(cov)))
-    dy, du = y - ym, u - um
-    share = 1.0 / (m - 1) / m
-    total = np.sqrt(
-        ratio_variance(
-            ym,
-            um,
-            share * np.sum(np.abs(dy) ** 2, axis=0),
-            share * np.sum(np.abs(du) ** 2, axis=0),
-            share * np.sum(dy * du.conj(), axis=0),
-        )
-    )
+    total = np.sqrt(ratio_variance(*around))
     seen = (np.abs(um) > SEEN * np.sqrt(np.real(var_u))) & (
         np.abs(ym) > SEEN * np.sqrt(np.real(var_y))
     )
     notes = check_seen(seen, realisations[0].hz[lines], input_.name, output.name)
-    power = np.sum(np.abs(y) ** 2, axis=0) * np.sum(np.abs(u) ** 2, axis=0)
-    coherence = np.abs(np.sum(y * u.conj(), axis=0)) ** 2 / power
     nonlinear = np.sqrt(np.maximum(total**2 - noise**2, 0.0) * m)
     return FrequencyResponse(
         input_.name,
@@ -182,7 +170,7 @@ def best_linear(
         (ym / um)[seen],
         total[seen],
         np.full(int(seen.sum()), float(m - 1)),
-        coherence[seen],
+        coherence(y, u)[seen],
         notes,
         {"noise": noise[seen], "nonlinear": nonlinear[seen]},
     )
@@ -192,18 +180,8 @@ def _by_reference(
     s: Spectra, lines: NDArray[np.int64]
 ) -> tuple[ComplexArray, ComplexArray, Array, Array, ComplexArray]:
     """Mean output and input over the reference, and variances and covariance of these means."""
-    p = s.window.periods
-    y, u = s.output[:, lines] / s.reference[:, lines], s.input[:, lines] / s.reference[:, lines]
-    ym, um = y.mean(axis=0), u.mean(axis=0)
-    dy, du = y - ym, u - um
-    share = 1.0 / (p - 1) / p
-    return (
-        ym,
-        um,
-        share * np.sum(np.abs(dy) ** 2, axis=0),
-        share * np.sum(np.abs(du) ** 2, axis=0),
-        share * np.sum(dy * du.conj(), axis=0),
-    )
+    reference = s.reference[:, lines]
+    return means(s.output[:, lines] / reference, s.input[:, lines] / reference)
 
 
 def distortion(

@@ -23,6 +23,7 @@ from hil.errors import IdentificationError
 from hil.identify.frequency.harmonics import harmonic_amplitudes, sample_step, waveform
 from hil.rigs import Manipulator, build_rig
 from hil.runs import Run
+from hil.units import quantity_unit
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -31,7 +32,6 @@ GRID_PER_LINE: Final = 4
 """Instants a line of the grid on which poses are reckoned: twice what the highest line needs."""
 EARLIEST: Final = 0.01
 """Share of frames that may seem to leave before their slot."""
-_IMU_UNIT: Final = {"gyro": "rad/s", "accel": "m/s²"}
 
 
 class Channel(Protocol):
@@ -194,14 +194,9 @@ def shift_s(rig: RigFile, name: str) -> float:
 
 def _unit(rig: RigFile, name: str) -> str:
     group, _, quantity = name.partition(".")
-    if group == "imu":
-        return _IMU_UNIT[quantity.partition("_")[0]]
     if group == "cue":
         return _coordinate_unit(quantity)
-    rotary = rig.geometry.kind == "axis_1dof" and rig.geometry.load == "pendulum"
-    length, force = ("rad", "N·m") if rotary else ("m", "N")
-    units = {"current": "A", "velocity": f"{length}/s", "force": force, "force_setpoint": force}
-    return units.get(quantity, length)
+    return quantity_unit(quantity, is_rotary=rig.is_rotary)
 
 
 def _coordinate_unit(coordinate: str) -> str:

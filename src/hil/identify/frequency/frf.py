@@ -33,6 +33,7 @@ ComplexArray = NDArray[np.complex128]
 Choice = Literal["auto", "periodic", "local"]
 
 FOLLOWED: Final = 0.998
+"""Coherence of cue and setpoints above which the daemon did not hold the cue back."""
 STILL: Final = 1.0e-4
 """A cue below this share of its coordinate's limit does not count as moved."""
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hil.errors import IdentificationError
 from hil.identify.frequency.channels import Channel
-from hil.identify.frequency.response import FrequencyResponse, ratio_variance
+from hil.identify.frequency.response import FrequencyResponse, coherence, means, ratio_variance
 from hil.identify.frequency.windows import Window
 
 Array = NDArray[np.float64]
@@ -85,16 +85,9 @@ def respond(s: Spectra, input_: Channel, output: Channel) -> FrequencyResponse:
     """
     lines, periods = s.excited, s.window.periods
     u, y = s.input[:, lines], s.output[:, lines]
-    um, ym = u.mean(axis=0), y.mean(axis=0)
-    du, dy = u - um, y - ym
-    share = 1.0 / (periods - 1) / periods
-    var_u = share * np.sum(np.abs(du) ** 2, axis=0)
-    var_y = share * np.sum(np.abs(dy) ** 2, axis=0)
-    cov = share * np.sum(dy * du.conj(), axis=0)
+    ym, um, var_y, var_u, cov = means(y, u)
     seen = (np.abs(um) > VISIBLE * np.sqrt(var_u)) & (np.abs(ym) > VISIBLE * np.sqrt(var_y))
     notes = check_seen(seen, s.hz[lines], input_.name, output.name)
-    power = np.sum(np.abs(u) ** 2, axis=0) * np.sum(np.abs(y) ** 2, axis=0)
-    coherence = np.abs(np.sum(y * u.conj(), axis=0)) ** 2 / power
     std = np.sqrt(ratio_variance(ym, um, var_y, var_u, cov))
     return FrequencyResponse(
         input_.name,
@@ -105,7 +98,7 @@ def respond(s: Spectra, input_: Channel, output: Channel) -> FrequencyResponse:
         (ym / um)[seen],
         std[seen],
         np.full(int(seen.sum()), float(periods - 1)),
-        coherence[seen],
+        coherence(y, u)[seen],
         notes,
     )
 

@@ -76,6 +76,29 @@ class FrequencyResponse:
         return self.phase_deg - half, self.phase_deg + half
 
 
+def means(
+    y: ComplexArray, u: ComplexArray
+) -> tuple[ComplexArray, ComplexArray, Array, Array, ComplexArray]:
+    """Means (F,) of `y` and `u` (M, F), and the variances and covariance of these means."""
+    m = len(y)
+    ym, um = y.mean(axis=0), u.mean(axis=0)
+    dy, du = y - ym, u - um
+    share = 1.0 / (m - 1) / m
+    return (
+        ym,
+        um,
+        share * np.sum(np.abs(dy) ** 2, axis=0),
+        share * np.sum(np.abs(du) ** 2, axis=0),
+        share * np.sum(dy * du.conj(), axis=0),
+    )
+
+
+def coherence(y: ComplexArray, u: ComplexArray) -> Array:
+    """Coherence (F,) of `y` and `u` (M, F) over M periods or realisations."""
+    power = np.sum(np.abs(y) ** 2, axis=0) * np.sum(np.abs(u) ** 2, axis=0)
+    return np.asarray(np.abs(np.sum(y * u.conj(), axis=0)) ** 2 / power)
+
+
 def ratio_variance(
     output: ComplexArray,
     input_: ComplexArray,

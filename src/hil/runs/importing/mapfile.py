@@ -79,7 +79,7 @@ class MappedSignal(Term):
 class FileSettings(Settings):
     """How the file is read, where hil should not find out by itself."""
 
-    separator: Annotated[str, Field(min_length=1)] | None = Field(
+    separator: Annotated[str, Field(min_length=1, max_length=1)] | None = Field(
         None,
         description='CSV: "," ";" "\\t" or " " for any white space; default: the first line tells',
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bz2
+import csv
 import gzip
 import lzma
 from collections.abc import Callable, Iterable
@@ -110,6 +111,7 @@ def read_csv(path: Path, wanted: set[str], how: FileSettings) -> TableSource:
             raise RunError(f"{path}: the column {twice!r} stands there twice")
         if len(known) != len(first):
             raise RunError(f"{path}: has {len(first)} columns, the map names {len(known)}")
+        _check_widths(path, [_split(line, separator) for line in lines], len(known), has_header)
         table = pd.read_csv(
             path,
             sep=r"\s+" if separator == " " else separator,
@@ -123,7 +125,9 @@ def read_csv(path: Path, wanted: set[str], how: FileSettings) -> TableSource:
             skipinitialspace=True,
             low_memory=False,
         )
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeError, LookupError) as error:
+    except (
+        pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeError, LookupError, csv.Error,
+    ) as error:  # fmt: skip
         raise RunError(f"{path}: is no table of separated values: {error}") from error
     except (OSError, EOFError) as error:
         raise RunError(f"{path}: cannot be read: {error}") from error
@@ -146,7 +150,7 @@ def _first_lines(path: Path, how: FileSettings) -> list[str]:
     lines: list[str] = []
     with opener(path, "rt", encoding=how.encoding) as stream:
         for number, line in enumerate(stream):
-            text = line.split(how.comment)[0].rstrip("\r\n")
+            text = line.split(how.comment)[0].rstrip("\r\n").removeprefix("\ufeff")
             if number >= how.skip_rows and text.strip():
                 lines.append(text)
             if len(lines) == 10:
@@ -165,9 +169,23 @@ def _separator(lines: list[str], decimal: str) -> str:
     return max(even, key=lambda s: min(counts[s]), default=" ")
 
 
+def _check_widths(path: Path, lines: list[list[str]], width: int, has_header: bool) -> None:
+    """RunError where a row holds more than there are columns: read on, its cells would stand under others."""
+    for row, cells in enumerate(lines[has_header:], 1):
+        if any(cells[width:]):
+            raise RunError(
+                f"{path}: row {row}: has {len(cells)} cells, the first line names {width}: is a separator a "
+                "sign of the numbers or of a name as well?"
+            )
+
+
 def _split(line: str, separator: str) -> list[str]:
-    cells = line.split() if separator == " " else line.split(separator)
-    return [cell.strip().strip('"').strip("'") for cell in cells]
+    cells = (
+        line.split()
+        if separator == " "
+        else next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    )
+    return [cell.strip().strip("'") for cell in cells]
 
 
 def _is_number(cell: str, decimal: str) -> bool:

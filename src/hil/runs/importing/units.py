@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from hil.config import AxisGeometry, RigFile
+from hil.config import RigFile
 
 _DEGREE: Final = math.pi / 180.0
 
@@ -106,5 +106,4 @@ def kinds_of(signal: str, rig: RigFile | None) -> tuple[str, ...]:
     linear = _LINEAR["position" if group == "cue" else quantity]
     if rig is None:
         return (linear, _ROTARY[linear])
-    is_rotary = isinstance(rig.geometry, AxisGeometry) and rig.geometry.load == "pendulum"
-    return (_ROTARY[linear],) if is_rotary else (linear,)
+    return (_ROTARY[linear],) if rig.is_rotary else (linear,)

@@ -150,16 +150,15 @@ def _imu_table(a: Analysis) -> str:
     by = {(c.signal, c.filtered): c for c in a.compared}
     for signal in dict.fromkeys(c.signal for c in a.compared):
         raw, soft = by[signal, False], by[signal, True]
-        unit = "rad/s" if "gyro" in signal else "m/s²"
         rows.append(
             (
                 signal,
-                f"{raw.rms:.4f} {unit}",
+                f"{raw.rms:.4f} {raw.unit}",
                 f"{soft.rms:.4f}",
                 f"{soft.floor:.4f}",
                 f"{soft.bias:+.4f}",
                 f"{soft.correlation:.3f}",
-                "too quiet to judge" if soft.is_quiet else f"{100.0 * soft.explained:.1f} %",
+                soft.said,
             )
         )
     return _table(rows)

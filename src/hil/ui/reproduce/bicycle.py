@@ -22,9 +22,9 @@ from hil.gap.apply import applied_text
 from hil.gap.bicycle import diagnose_rides
 from hil.runs import Run, load_run
 from hil.ui.bicycle.figures import force_figure, imu_figure, path_figure, torque_figure
-from hil.ui.page import with_unit
 from hil.ui.reproduce import bicycle_prose as prose
 from hil.ui.reproduce.report import Report, Section, Table, write_report
+from hil.units import with_unit
 
 Progress = Callable[[str], None]
 
