@@ -1,6 +1,6 @@
 """The gate's boundary table: what is done, and what each sent frame must come to.
 
-A case is a list of steps: ("arm",), ("disarm",), ("permit", numbers), ("at", i, value, t) for a measured
+A case is a list of steps: ("arm",), ("disarm",), ("at", i, value, t) for a measured
 position, and ("send", t, frame, rule or None); t in cycles. test_gate.py runs it against the gate,
 test_mutations.py against every mutant of it.
 """
@@ -148,12 +148,6 @@ CASES = [
     Case("no write while any drive is powered, reads as ever", [
         *first(0.0, None), no(10.0, write(7, 1), "write_powered"), ok(10.0, read(7, 1)),
     ]),
-    Case("a write while powered by explicit permit, that number alone", [
-        *first(0.0, None), ("permit", frozenset({7})), ok(10.0, write(7)),
-        no(11.0, write(8), "write_powered"),
-        ("permit", frozenset()), no(12.0, write(7), "write_powered"),
-    ]),
-    Case("a permit is no declaration", [("permit", frozenset({6})), no(0.0, write(6), "write_parameter")]),
     Case("writes again once the drive is off", [*first(0.0, None), ok(10.5, off()), ok(10.5, write(7))]),
     Case("writes again only once every drive is off", [
         *first(0.0, None), ("at", 1, 0.0, 10.0), ok(10.0, on(0.0, 1)), ok(10.5, off()),
@@ -344,8 +338,6 @@ def run(case: Case, gate: Any) -> list[str]:
                 gate.arm()
             case ("disarm",):
                 gate.disarm()
-            case ("permit", numbers):
-                gate.permit_writes(numbers)
             case ("at", i, value, t):
                 gate.measured(i, value, t * CYCLE_S)
             case ("send", t, frame, expected):

@@ -24,7 +24,6 @@ GATE = frozenset(
         "powered",
         "arm",
         "disarm",
-        "permit_writes",
         "measured",
         "_judge",
         "_judge_rate",

@@ -56,7 +56,6 @@ class Gate:
         self.refused: Counter[Rule] = Counter()
         self._meaning = meaning
         self._armed = False
-        self._permits: frozenset[int] = frozenset()
         self._is_off: list[bool | None] = [None] * n  # None: not told anything since our start
         self._tracks: list[Passed | None] = [None] * n
         self._measured: list[Measured | None] = [None] * n
@@ -84,15 +83,6 @@ class Gate:
         """Let no power-on control word and no setpoint pass any more."""
         self._armed = False
         self._forget()
-
-    def permit_writes(self, numbers: frozenset[int]) -> None:
-        """Parameters that may be written although drives are powered; replaces what was permitted."""
-        self._permits = numbers
-
-    @property
-    def permits(self) -> frozenset[int]:
-        """Parameters that may be written although drives are powered."""
-        return self._permits
 
     def refuses_write(self, number: int) -> str | None:
         """Why a write of parameter `number` would be refused now; None where it would pass."""
@@ -190,7 +180,7 @@ class Gate:
         number = meaning.parameter
         if number not in self._meaning.writable:
             return Broken(Rule.WRITE_PARAMETER, f"the profile lets nobody write parameter {number}")
-        if self.powered and number not in self._permits:
+        if self.powered:
             return Broken(
                 Rule.WRITE_POWERED, f"parameter {number} is not written while drives are powered"
             )

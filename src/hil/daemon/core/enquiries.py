@@ -1,8 +1,8 @@
 """What persons ask of single drives while the rig runs: objects read, and written while the drives are off.
 
 A request is a line of text, `ACTUATOR read NUMBER` or `ACTUATOR write NUMBER BYTES`, both in hexadecimal.
-Nothing is written while the rig is armed or drives are powered, unless the gate permits that object; nothing,
-ever, that hil itself writes to the drive and has verified. The rig is not armed while a write is under way.
+Nothing is written while the rig is armed or drives are powered; nothing, ever, that hil itself writes to the
+drive and has verified. The rig is not armed while a write is under way.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Enquiries:
                 f"{driver.name}: that is what hil itself writes and has verified: change the rig file or the "
                 "drive file"
             )
-        if self._gate.armed and enquiry.number not in self._gate.permits:
+        if self._gate.armed:
             raise ProtocolError("nothing is written while the rig is armed: disarm it first")
         broken = self._gate.refuses_write(enquiry.number)
         if broken:
