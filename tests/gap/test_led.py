@@ -10,8 +10,10 @@ import pytest
 from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.gap.floor.draws import UNKNOWN, draws
+from hil.gap.floor.noise import find_noise
 from hil.gap.record.led import lacking, replay_led
 from hil.gap.record.problem import Problem
+from hil.gap.record.repeats import find_repeats
 from hil.gap.record.sides import sided
 from hil.gap.record.standstill import is_held
 from hil.identify.replay import Stretch
@@ -159,3 +161,36 @@ def test_motion_is_not_judged_where_friction_holds_or_turns() -> None:
     assert not held[np.abs(np.gradient(x, t)) > 6e-3].any()
     moved = dataclasses.replace(piece, mode="position")
     assert not is_held(moved, ["axis"], t).any()
+
+
+def test_forces_that_come_again_elsewhere_are_no_repeats() -> None:
+    """A push that grows carries the rig on, however alike its swings are."""
+    noisy = 0.5 * np.random.default_rng(3).standard_normal(len(SENT_S))
+    growing = np.where(SENT_S < 4.0, noisy, 400.0 * np.sin(2 * np.pi * 3.0 * SENT_S))
+    assert find_repeats(Problem(AXIS, [pushed(AXIS, growing)])) == []
+
+
+def test_motions_that_repeat_are_found_though_no_force_comes_twice() -> None:
+    rng = np.random.default_rng(3)
+    forces = 300.0 * np.sin(2 * np.pi * 1.0 * SENT_S) + 20.0 * rng.standard_normal(len(SENT_S))
+    piece = pushed(AXIS, forces)
+    t = piece.samples["axis.position"][0]
+    again = t, 0.05 * np.sin(2 * np.pi * 1.0 * t) + 2e-5 * rng.standard_normal(len(t))
+    piece = dataclasses.replace(piece, samples={**piece.samples, "axis.position": again})
+    (found,) = find_repeats(Problem(AXIS, [piece]))
+    assert "periods of 1 s" in found.text
+
+
+def test_repeats_make_no_noise_of_set_forces_quieter_than_its_model() -> None:
+    """A slow force that goes with place is the same in each repeat, and no gap."""
+    piece = pushed(AXIS, 60.0 * np.sin(2 * np.pi * 1.0 * SENT_S))
+    problem = Problem(AXIS, [piece])
+    residual = 1e-7 * np.random.default_rng(5).standard_normal(problem.size)
+    repeats, rng = find_repeats(problem), np.random.default_rng(2)
+    assert repeats
+    found = find_noise(problem, problem.base, rng, repeats=repeats, residual=residual, count=2)
+    alone = find_noise(problem, problem.base, np.random.default_rng(2), residual=residual, count=2)
+    assert found.source == "repeats"
+    assert found.floor(problem)["axis.position"] == pytest.approx(
+        alone.floor(problem)["axis.position"], rel=0.01
+    )

@@ -75,9 +75,9 @@ def _ride(diagnosis: Path, rig: BicycleFile, name: str, to: Path, seed: int, as_
     _show(found)
     for folder in folders:
         out.print(f"a simulated ride: {folder}", markup=False, soft_wrap=True)
-    out.print(
-        f"ride it, then: hil gap diagnose RUN... RIDE --rig {name}", markup=False, soft_wrap=True
-    )
+    if found.split.apart():
+        then = f"ride it, then: hil gap diagnose RUN... RIDE --rig {name}"
+        out.print(then, markup=False, soft_wrap=True)
 
 
 def _read(path: Path) -> dict[str, Any]:

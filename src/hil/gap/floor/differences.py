@@ -28,6 +28,9 @@ UNSTEADY: Final = 3.0
 worlds that is below 2 for forces and 3.1 for accelerometers; what else does not repeat is gap."""
 QUIETEST: Final = 0.02
 """Times the model that noise is at least: a simulation without noise repeats itself to the last digit."""
+FORCED: Final = 1.0
+"""The same where setpoints are forces: the slow force that no twin knows is part of the model, and as much a
+matter of place as motions are, so repeats hold the same of it."""
 ALIKE: Final = 3.0
 """Spreads of noise by which two repeats may be predicted to differ."""
 RARE: Final = 1.8
@@ -75,7 +78,8 @@ def by_repeats(
         modelled = np.hstack([drawn[:, first] - drawn[:, second] for first, second in pairs])
         both = np.concatenate([np.hypot(sigma[first], sigma[second]) for first, second in pairs])
         most = UNSTEADY / max(by_level.get(signal, 1.0), 1.0)
-        factors[signal] = min(max(times_louder(measured, modelled, both), QUIETEST), most)
+        least = FORCED if problem.are_forces else QUIETEST
+        factors[signal] = min(max(times_louder(measured, modelled, both), least), most)
         for x in problem.series:
             if x.signal == signal:
                 out[:, x.part] *= factors[signal]

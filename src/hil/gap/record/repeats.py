@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SAME: Final = 0.02
-"""Setpoints of repeats differ by no more than this share of their own spread."""
+"""Motions of repeats differ by no more than this share of their own spread."""
 GRID_S: Final = 0.01
 SHORTEST_S: Final = 0.5
 """Of a period."""
@@ -74,15 +74,19 @@ def _is_copy(problem: Problem, pairs: Mapping[str, tuple[Index, Index]]) -> bool
 
 
 def _grid(piece: Stretch) -> tuple[float, Array]:
-    """Start and setpoints of all actuators (M, n) on a common grid."""
-    start = min(t[0] for t, _ in piece.setpoints.values())
-    end = max(t[-1] for t, _ in piece.setpoints.values())
+    """Start and motion of all actuators (M, n) on a common grid: setpoints, or what was measured where those
+    are forces, which are never alike twice and say little of where a rig is."""
+    told = piece.setpoints
+    if piece.mode == "force":
+        told = {a: piece.samples.get(f"{a}.position", s) for a, s in told.items()}
+    start = min(t[0] for t, _ in told.values())
+    end = max(t[-1] for t, _ in told.values())
     t = np.arange(start, end, GRID_S)
-    return start, np.stack([np.interp(t, *s) for s in piece.setpoints.values()], axis=1)
+    return start, np.stack([np.interp(t, *s) for s in told.values()], axis=1)
 
 
 def _period(told: Array) -> tuple[int, int, int] | None:
-    """(first row, rows a period, whole periods) of the longest part of `told` that repeats, or None."""
+    """(first row, rows a period, whole periods) of the longest part of the motion that repeats, or None."""
     x = told - told.mean(axis=0)
     power = float(np.sum(x**2))
     n = len(x)
