@@ -245,6 +245,16 @@ def test_what_no_calibration_sets_right_and_what_no_small_step_shows_is_named(
     assert found.effects[0].parameters[name].value == pytest.approx(value, rel=0.2)
 
 
+@pytest.mark.parametrize("seed", [25, 27])
+def test_clocks_that_part_are_not_claimed_to_be_a_latency_where_they_may_not_be_named(seed):
+    """A delay explains most of what grows from nothing to twice it, and a true one would explain all."""
+    run = ridden(short(), seed, ("clock_drift", "imu", {"rate": -0.002}))
+    found = diagnose_rides([run], NOMINAL, without=["clock_drift"])
+    assert all(x.probability < 0.9 for x in found.causes), found.sentence
+    named = diagnose_rides([run], NOMINAL)
+    assert named.causes[0].probability > 0.9
+
+
 def test_no_sensor_is_early_and_no_wheel_goes_further_than_it_rolls(healthy):
     table = RideProblem(NOMINAL, [prepare(healthy, NOMINAL)]).table
     assert NOMINAL.imu is not None
