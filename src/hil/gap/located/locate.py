@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from hil.config import AxisGeometry, RigFile
+from hil.config import RigFile
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
 from hil.gap.floor.noise import NoiseModel, find_noise, projected
 from hil.gap.located.cells import Cells, count_cells
@@ -107,6 +107,7 @@ def located(
 ) -> Located:
     """The answer that `evidence` gives: signals, places and the sentence."""
     cells, problem = evidence.cells, evidence.problem
+    turns = isinstance(rig, RigFile) and rig.is_rotary  # rides bring the bicycle's file
     whole = np.array([d == "" for d in cells.dimension])
     blocks = cells.energy.shape[1]
     picks = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), RESAMPLES).astype(float)
@@ -125,7 +126,7 @@ def located(
         signals.append(
             SignalGap(
                 name,
-                unit_of(_is_rotary(rig), name),
+                unit_of(name, is_rotary=turns),
                 float(np.sqrt(energy)) * floors[name],
                 _scaled(interval(np.sqrt(drawn)), floors[name]),
                 floors[name],
@@ -245,7 +246,3 @@ def _sentence(is_gap: bool, signals: Sequence[SignalGap], places: Sequence[Place
 
 def _scaled(pair: tuple[float, float], factor: float) -> tuple[float, float]:
     return pair[0] * factor, pair[1] * factor
-
-
-def _is_rotary(rig: RigFile) -> bool:
-    return isinstance(rig.geometry, AxisGeometry) and rig.geometry.load == "pendulum"

@@ -14,6 +14,7 @@ from hil.gap.located.cells import Cells
 from hil.gap.located.residual import Fitted
 from hil.gap.located.sanity import Finding
 from hil.gap.record.problem import Problem
+from hil.units import quantity_unit
 
 Array = NDArray[np.float64]
 METRIC = "rms over judged samples, signals weighed by their floor"
@@ -147,16 +148,10 @@ class Located:
         return msgspec.json.format(msgspec.json.encode(self.tables()), indent=2)
 
 
-def unit_of(rig_is_rotary: bool, signal: str) -> str:
-    """Unit of a signal."""
+def unit_of(signal: str, *, is_rotary: bool) -> str:
+    """Unit of a judged signal, of a rig whose actuator turns or not."""
     place, _, quantity = signal.rpartition(".")
-    if place == "imu":
-        return "rad/s" if quantity.startswith("gyro") else "m/s²"
-    if place == "bicycle":
-        return "N·m"
-    units = {"position": "m", "velocity": "m/s", "force": "N", "current": "A"}
-    rotary = {"position": "rad", "velocity": "rad/s", "force": "N·m", "current": "A"}
-    return (rotary if rig_is_rotary else units)[quantity]
+    return "N·m" if place == "bicycle" else quantity_unit(quantity, is_rotary=is_rotary)
 
 
 def interval(values: Array) -> tuple[float, float]:
