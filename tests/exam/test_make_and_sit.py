@@ -20,6 +20,8 @@ from hil.errors import ConfigError, RunError
 from hil.exam import Order, Sitting, load_case, make_exam, mark_exam, seal, sit_exam
 from hil.exam.case import case_folders, read_answer
 from hil.exam.make import make_case
+from hil.exam.menu import OF_LOOPS, effects_of, possible
+from hil.exam.rigs import draw_rig
 from hil.exam.severity import Bench
 from hil.exam.sit import sit_case
 from hil.exam.world import Scatter, build_world
@@ -108,6 +110,29 @@ def test_orders_for_what_there_is_not_are_refused() -> None:
         Order(kinds=("quadruple",))
     with pytest.raises(ConfigError, match="severities above 0"):
         Order(severities=(0.0,))
+    with pytest.raises(ConfigError, match="'speed' is no mode"):
+        Order(mode="speed")
+
+
+def test_a_case_whose_drives_are_told_forces_says_so(tmp_path: Path) -> None:
+    order = replace(ORDER, mode="force")
+    make_case(order, 0, tmp_path)
+    case = load_case(tmp_path / "cases" / order.case_id(0))
+    assert case.rig.control.mode == "computed_torque"
+    for run in (*case.runs, *case.references):
+        assert run.meta.mode == "force"
+        assert "axis.force_setpoint" in run.table
+        assert "axis.setpoint" not in run.table
+
+
+def test_drives_that_are_told_forces_have_no_loops_to_be_wrong() -> None:
+    rng = np.random.default_rng(1)
+    for name in ("axis", "stewart"):
+        own, told = (draw_rig(name, rng, is_told=told) for told in (False, True))
+        assert set(OF_LOOPS) & set(effects_of(own, set()))
+        assert not set(OF_LOOPS) & set(effects_of(told, set()))
+        assert not set(OF_LOOPS) & set(possible(name, "force"))
+        assert set(OF_LOOPS) & set(possible(name))
 
 
 def test_a_healthy_rig_stays_within_what_a_calibration_allows() -> None:

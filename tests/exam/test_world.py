@@ -11,6 +11,8 @@ from hil.configfile import load_rig
 from hil.control.trajectory import CueTrajectory
 from hil.exam.world import OUTSIDE, Outside, Scatter, build_world, play
 from hil.exam.world import layout as lay
+from hil.gap.record.led import replay_led
+from hil.identify.replay import Stretch
 from hil.sim import Twin
 from tests.exam.worlds import smooth_axis, sway
 
@@ -263,3 +265,51 @@ def test_a_soft_base_swings_under_a_horizontal_axis() -> None:
     away = played.clean["axis.force"] - healthy.clean["axis.force"]
     assert np.sqrt(np.mean(away**2)) > rig.noise.force
     assert set(ODD) | {"soft_base"} == set(OUTSIDE)
+
+
+def told_forces(name: str) -> RigFile:
+    """A shipped rig whose drives are told forces by a loop outside them."""
+    rig = load_rig(name)
+    control = rig.control.model_copy(update={"mode": "computed_torque"})
+    return rig.model_copy(update={"control": control})
+
+
+@pytest.mark.parametrize("name", ["axis", "motorcycle", "stewart"])
+def test_a_loop_outside_the_drives_keeps_a_rig_on_its_cue(name: str) -> None:
+    """Friction that the host does not know is what its integral part is for."""
+    rig = told_forces(name)
+    a = rig.actuators[0]
+    dry = Effect(
+        effect="coulomb_friction", location=a.name, parameters={"force": 0.005 * a.force_max}
+    )
+    played = play(build_world(rig, Scatter(5), (dry,)), sway(rig), seen=1, hidden=2, with_imu=False)
+    for x in rig.actuators:
+        t, wanted = played.wanted[x.name]
+        stamps = played.stamps[f"{x.name}.position"] - rig.bus.answer_delay
+        away = played.clean[f"{x.name}.position"] - np.interp(stamps, t, wanted)
+        assert np.sqrt(np.mean(away**2)) < 0.004 * (x.stroke[1] - x.stroke[0])
+
+
+def test_where_forces_are_told_a_led_twin_answers_as_the_rig_does() -> None:
+    rig = told_forces("axis")
+    played = play(build_world(rig, NONE), sway(rig), seen=1, hidden=2, with_imu=False)
+    assert set(played.setpoints) == {"axis.force_setpoint"}
+    told = {"axis": played.setpoints["axis.force_setpoint"]}
+    samples = {s: (t, played.clean[s]) for s, t in played.stamps.items()}
+    led = replay_led(rig, Stretch("told", told, samples, "force"), played.stamps)
+    said = led.by_signal(led.run())
+    away = played.clean["axis.position"] - said["axis.position"]
+    assert np.sqrt(np.mean(away[100:] ** 2)) < 5e-5
+
+
+def test_a_host_hears_its_sensors_and_answers_noise() -> None:
+    rig = told_forces("axis")
+    forces = [
+        play(build_world(rig, NONE), sway(rig, 3.0), seen=1, hidden=h, with_imu=False).setpoints[
+            "axis.force_setpoint"
+        ]
+        for h in (2, 2, 3)
+    ]
+    assert np.array_equal(forces[0][1], forces[1][1])
+    assert np.array_equal(forces[0][0], forces[2][0])  # sent at the same instants
+    assert not np.array_equal(forces[0][1], forces[2][1])

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.gap.floor.draws import UNKNOWN, draws
 from hil.gap.floor.noise import find_noise
+from hil.gap.located.locate import locate
 from hil.gap.record.led import lacking, replay_led
 from hil.gap.record.problem import Problem
 from hil.gap.record.repeats import find_repeats
@@ -194,3 +196,21 @@ def test_repeats_make_no_noise_of_set_forces_quieter_than_its_model() -> None:
     assert found.floor(problem)["axis.position"] == pytest.approx(
         alone.floor(problem)["axis.position"], rel=0.01
     )
+
+
+def test_a_slope_within_a_levels_tolerance_is_no_gap_where_no_loop_hides_it() -> None:
+    sloped = AXIS.model_copy(update={"effects": (effect("base_tilt", "platform", pitch=0.0015),)})
+    piece = pushed(sloped, 60.0 * np.sin(2 * np.pi * 0.8 * SENT_S), AXIS.noise.position)
+    columns = {
+        "axis.force_setpoint": piece.setpoints["axis"],
+        **{s: (t, v) for s, (t, v) in piece.samples.items()},
+    }
+    frame = (
+        pd.concat([pd.DataFrame({"t": t, name: v}) for name, (t, v) in columns.items()])
+        .groupby("t", as_index=False)
+        .first()
+    )
+    found = locate(frame, AXIS)
+    assert not found.is_gap
+    (slope,) = (n for n in found.nuisances if n.name == "platform.base_tilt.pitch")
+    assert slope.change == pytest.approx(0.0015, abs=3e-4)

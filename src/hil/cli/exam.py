@@ -29,6 +29,13 @@ app = typer.Typer(
 )
 
 
+class Mode(StrEnum):
+    """What drives are told."""
+
+    position = "position"
+    force = "force"
+
+
 @app.callback()
 def group() -> None:
     """The blind check."""
@@ -60,6 +67,13 @@ def make(
     effects: Annotated[
         str, typer.Option("--effects", help="Only these effects, by the catalogue's names.")
     ] = "",
+    mode: Annotated[
+        Mode,
+        typer.Option(
+            "--mode",
+            help="What drives are told: positions, or forces by a loop outside them (computed torque).",
+        ),
+    ] = Mode.position,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes.")] = 2,
 ) -> None:
     """Draw cases, record them on the exam's own world, seal the answers.
@@ -72,7 +86,7 @@ def make(
         raise typer.BadParameter(
             f"{severity!r} is no list of numbers", param_hint="--severity"
         ) from None
-    order = Order(_list(rigs), seed, severities, _list(kinds), _list(effects))
+    order = Order(_list(rigs), seed, severities, _list(kinds), _list(effects), mode.value)
     show = Progress(cases)
     make_exam(order, cases, out, jobs=jobs, on_done=show.done)
 

@@ -16,12 +16,12 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 
-from hil.config import AnyRig, BicycleFile, Effect
+from hil.config import AnyRig, Effect
 from hil.configfile import parse_any_rig, read_toml, rig_toml
 from hil.errors import RunError
 from hil.exam.world import Outside
 from hil.runs import Run, load_run
-from hil.runs.folder import RUN_TOML, Payload, RunMeta, read_meta, write_meta
+from hil.runs.folder import RUN_TOML, Payload, RunMeta, read_meta, run_mode, write_meta
 
 ANSWER: Final = "answer.json"
 RIG: Final = "rig.toml"
@@ -121,7 +121,7 @@ def write_case(
         meta = RunMeta.model_validate(
             {
                 "rig": rig.name,
-                "mode": "ride" if isinstance(rig, BicycleFile) else "position",
+                "mode": run_mode(rig),
                 "started": EPOCH + timedelta(hours=number, minutes=5 * k),
                 "role": role,
                 "answer_sha256": seal(answer),

@@ -93,7 +93,7 @@ def _wishes(order: Order, kind: str, rig: str, rng: np.random.Generator) -> tupl
     if rig == RIDDEN:
         names = RIDE_OUTSIDE if kind == "outside" else RIDE_EFFECTS
     else:
-        names = OUTSIDE if kind == "outside" else possible(rig)
+        names = OUTSIDE if kind == "outside" else possible(rig, order.mode)
     chosen = [n for n in names if not order.effects or n in order.effects]
     count = min(COUNTS.get(kind, 1), len(chosen))
     return tuple(str(n) for n in rng.choice(chosen, count, replace=False)) if count else ()
@@ -107,7 +107,7 @@ def _make(
     rng: np.random.Generator,
     out: Path,
 ) -> str:
-    rig = draw_rig(order.rigs[number % len(order.rigs)], rng)
+    rig = draw_rig(order.rigs[number % len(order.rigs)], rng, is_told=order.mode == "force")
     signals: set[str] = set(rig.bus.pattern)
     if rig.imu is not None and rng.random() < 0.45:
         signals.add("imu")

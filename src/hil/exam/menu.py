@@ -7,11 +7,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from hil.config import Actuator, AxisGeometry, MotorcycleGeometry, RigFile
 from hil.exam.actuator_menu import ACTUATOR, Make, sign
+from hil.runs.folder import run_mode
+
+OF_LOOPS: Final = ("loop_gain", "velocity_saturation", "static_force_feedback")
+"""What only drives have that close a loop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +55,13 @@ def effects_of(rig: RigFile, signals: set[str]) -> tuple[str, ...]:
         names.remove("velocity_saturation")
     if "imu" in signals:
         names.append("sensor_misalignment")
+    if run_mode(rig) == "force":
+        names = [n for n in names if n not in OF_LOOPS]
     return tuple(names)
 
 
-def possible(rig: str) -> tuple[str, ...]:
-    """Every effect that some rig of the family `rig` can have."""
+def possible(rig: str, mode: str = "position") -> tuple[str, ...]:
+    """Every effect that some rig of the family `rig` can have in a mode."""
     names = [
         *ACTUATOR,
         "payload_mass",
@@ -69,7 +76,7 @@ def possible(rig: str) -> tuple[str, ...]:
         names.append("geometry_error")
     if rig == "stewart":
         names.append("static_force_feedback")
-    return tuple(names)
+    return tuple(n for n in names if mode == "position" or n not in OF_LOOPS)
 
 
 def draw_recipe(rig: RigFile, effect: str, signals: set[str], rng: np.random.Generator) -> Recipe:

@@ -9,6 +9,7 @@ from hil.errors import ConfigError
 from hil.exam.rigs import ALL, RIGS
 
 KINDS: Final = ("none", "single", "double", "triple", "outside")
+MODES: Final = ("position", "force")
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,9 +22,15 @@ class Order:
     kinds: tuple[str, ...] = KINDS
     effects: tuple[str, ...] = ()
     """Only these effects (or outside effects); empty: all."""
+    mode: str = "position"
+    """What drives are told: positions, or forces by a loop outside them."""
 
     def __post_init__(self) -> None:
-        for what, given, known in (("rig", self.rigs, ALL), ("kind", self.kinds, KINDS)):
+        for what, given, known in (
+            ("rig", self.rigs, ALL),
+            ("kind", self.kinds, KINDS),
+            ("mode", (self.mode,), MODES),
+        ):
             for name in given:
                 if name not in known:
                     raise ConfigError(

@@ -19,8 +19,9 @@ LAG: Final = 31.4
 """rad/s of its integrator."""
 
 
-def draw_rig(name: str, rng: np.random.Generator) -> RigFile:
-    """A rig of the family `name`, with the quantities that its drives are asked for."""
+def draw_rig(name: str, rng: np.random.Generator, *, is_told: bool = False) -> RigFile:
+    """A rig of the family `name`, with the quantities that its drives are asked for; `is_told`: forces are
+    what those are told."""
     if name == "axis":
         tables = _axis(rng)
     elif name == "stewart":
@@ -32,6 +33,8 @@ def draw_rig(name: str, rng: np.random.Generator) -> RigFile:
         tables["bus"]["pattern"] = ("position", "force", "velocity")
     elif chance < 0.26 and tables["actuators"][0]["torque_constant"]:
         tables["bus"]["pattern"] = ("position", "current")
+    if is_told:
+        tables["control"]["mode"] = "computed_torque"
     return parse_settings(tables, RigFile, name)
 
 

@@ -87,9 +87,9 @@ class Bench:
 
     def _check_follows(self, got: Played) -> None:
         for a in self.rig.actuators:
-            t, told = got.setpoints[f"{a.name}.setpoint"]
+            t, wanted = got.wanted[a.name]
             signal = f"{a.name}.position"
-            stray = got.clean[signal] - np.interp(got.stamps[signal] - 0.02, t, told)
+            stray = got.clean[signal] - np.interp(got.stamps[signal] - 0.02, t, wanted)
             if np.max(np.abs(stray)) > FOLLOWS * (a.stroke[1] - a.stroke[0]):
                 raise WorldError(f"{self.rig.name}: {a.name} strays from its setpoints")
 

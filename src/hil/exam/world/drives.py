@@ -42,6 +42,9 @@ def soft_limit(value, limit):  # type: ignore[no-untyped-def]
 @inner
 def deliver(head, act, st, i, value, t):  # type: ignore[no-untyped-def]
     """A setpoint reaches drive i."""
+    if head[lay.H_FORCES] != 0.0:
+        st[lay.S_REF, i] = value
+        return
     if act[lay.O_ROUND, i] > 0.0:
         value = math.floor(value / act[lay.O_ROUND, i] + 0.5) * act[lay.O_ROUND, i]
     if head[lay.H_RETIMED] == 0.0:
@@ -79,6 +82,8 @@ def _line(head, act, st, i, target):  # type: ignore[no-untyped-def]
 @inner
 def position_tick(head, act, st, i, t):  # type: ignore[no-untyped-def]
     """One tick of drive i's position loop at instant t."""
+    if head[lay.H_FORCES] != 0.0:
+        return
     if st[lay.S_HAS_PENDING, i] != 0.0:
         st[lay.S_HAS_PENDING, i] = 0.0
         _line(head, act, st, i, st[lay.S_PENDING, i])
@@ -128,7 +133,9 @@ def speed_tick(head, act, st, i, t):  # type: ignore[no-untyped-def]
     st[lay.S_READING, i] = count * act[lay.A_COUNT, i]
     st[lay.S_SPEED, i] += (raw - st[lay.S_SPEED, i]) * min(1.0, period / act[lay.A_SPEED_TAU, i])
     error = st[lay.S_VREF, i] - st[lay.S_SPEED, i]
-    if head[lay.H_PD] != 0.0:
+    if head[lay.H_FORCES] != 0.0:
+        force = st[lay.S_REF, i]
+    elif head[lay.H_PD] != 0.0:
         force = act[lay.A_KP, i] * (st[lay.S_NOW, i] - st[lay.S_READING, i]) + st[lay.S_FF, i]
         force += act[lay.A_KV, i] * error + act[lay.A_STATIC, i] * st[lay.S_STATIC, i]
     else:
@@ -137,7 +144,7 @@ def speed_tick(head, act, st, i, t):  # type: ignore[no-untyped-def]
     out = min(max(force, -limit), limit)
     if act[lay.A_FORCE_LIMIT, i] < limit:
         out = soft_limit(out, act[lay.A_FORCE_LIMIT, i])
-    if head[lay.H_PD] == 0.0:
+    if head[lay.H_PD] == 0.0 and head[lay.H_FORCES] == 0.0:
         past = abs(force) - min(limit, act[lay.A_FORCE_LIMIT, i])
         if past <= 0.0 or error * force < 0.0:
             st[lay.S_INTEGRAL, i] += act[lay.A_KI, i] * error * period

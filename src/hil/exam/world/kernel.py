@@ -16,6 +16,7 @@ from hil.compiled import compiled, inner
 from hil.exam.world import layout as lay
 from hil.exam.world.drives import deliver, position_tick, read_encoder, speed_tick
 from hil.exam.world.friction import bristle_force, hysteresis_force, seal_force
+from hil.exam.world.outer import ask
 from hil.exam.world.platform import base, pushed, rider, sense
 from hil.rigs.kernel import scratch, terms_in
 from hil.rigs.linear import solve_square
@@ -128,17 +129,21 @@ def _put(act, st, q, filtered, t, row):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def simulate(rig, start, events, samples, out):  # type: ignore[no-untyped-def]
+def simulate(rig, start, events, asking, samples, out):  # type: ignore[no-untyped-def]
     """Run from rest, H_SETTLE before instant 0; fills out (N,). False where the world diverged.
 
     `rig`: header, actuators, (geometry, body, gravity) as they are and as the drives believe, legs, IMU.
     `start`: pose (n,) and setpoints (n,). `events`: firsts (n + 1,), arrivals s, setpoints; those of
     actuator i from firsts[i] to firsts[i + 1]. `samples` alike: firsts, true instants s, column a group.
+    Where drives are told forces, `asking` is what the host works with (`outer.Asking`) and room for the
+    forces that it tells (M,), and the setpoints are places in that.
     """
     head, act, true, nominal, legs, imu = rig
     q0, rho0 = start
     ev_first, ev_t, ev_value = events
     s_first, s_t, s_col = samples
+    ask_first, ask_t, newest, age, wanted, known, masses, host, noise, told = asking
+    is_told = head[lay.H_FORCES] != 0.0
     geometry, body, level_gravity = true
     kind, h, n = int(head[lay.H_KIND]), head[lay.H_STEP], q0.shape[0]
     st = np.zeros((lay.S_ROWS, n))
@@ -161,15 +166,16 @@ def simulate(rig, start, events, samples, out):  # type: ignore[no-untyped-def]
         reading, _ = read_encoder(act, st, i, t)
         st[lay.S_COUNT, i] = math.floor(reading / act[lay.A_COUNT, i] + 0.5)
         st[lay.S_READING, i] = reading
-        st[lay.S_REF, i] = rho0[i]
         st[lay.S_NOW, i] = rho0[i]
         st[lay.S_IDLE, i] = 1.0
+        st[lay.S_HOST_J, i] = -1.0
         st[lay.S_INTEGRAL, i] = load[i] / act[lay.A_FORCE_SCALE, i]
+        st[lay.S_REF, i] = st[lay.S_INTEGRAL, i] if is_told else rho0[i]
         st[lay.S_CURRENT, i] = st[lay.S_INTEGRAL, i]
         st[lay.S_NEXT_P, i] = t + act[lay.A_PHASE_P, i]
         st[lay.S_NEXT_V, i] = t + act[lay.A_PHASE_V, i]
     groups = s_col.shape[0]
-    at, ev = s_first[:-1].copy(), ev_first[:-1].copy()
+    at, ev, asked = s_first[:-1].copy(), ev_first[:-1].copy(), ask_first[:-1].copy()
     rows = np.zeros((2, 4 * n + 6))
     due = np.inf
     last = 0.0
@@ -181,8 +187,15 @@ def simulate(rig, start, events, samples, out):  # type: ignore[no-untyped-def]
     step = 0
     while t <= last + h:
         for i in range(n):
+            while asked[i] < ask_first[i + 1] and ask_t[asked[i]] <= t:
+                k = asked[i]
+                told[k] = ask(
+                    st, i, k, ask_t[k], out, newest, age, wanted, known, masses, host, noise
+                )
+                asked[i] += 1
             while ev[i] < ev_first[i + 1] and ev_t[ev[i]] <= t:
-                deliver(head, act, st, i, ev_value[ev[i]], ev_t[ev[i]])
+                value = told[int(ev_value[ev[i]])] if is_told else ev_value[ev[i]]
+                deliver(head, act, st, i, value, ev_t[ev[i]])
                 ev[i] += 1
             if t >= st[lay.S_NEXT_P, i]:
                 if act[lay.A_STATIC, i] != 0.0:

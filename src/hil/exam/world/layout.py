@@ -12,14 +12,14 @@ from __future__ import annotations
     H_SLOSH_M, H_SLOSH_W, H_SLOSH_D, H_SLOSH_X, H_SLOSH_Y, H_SLOSH_Z,
     H_BASE_RATIO, H_BASE_W, H_BASE_D,
     H_LOSS_F, H_LOSS_T1, H_LOSS_T2, H_LOSS_PHASE,
-    H_PUSH_F, H_PUSH_W, H_PUSH_PHASE, H_PUSH_X, H_PUSH_Y, H_PUSH_Z,
-) = range(34)  # fmt: skip
-HEADER = 34
+    H_PUSH_F, H_PUSH_W, H_PUSH_PHASE, H_PUSH_X, H_PUSH_Y, H_PUSH_Z, H_FORCES,
+) = range(35)  # fmt: skip
+HEADER = 35
 """Kind of mechanism, integration step s, bus cycle s, whether setpoints are
 buffered, drawn out in lines, law "pd", IMU wanted, its bandwidth rad/s, time to settle before 0 s; the
 structural mode (mass kg, rad/s, damping ratio, place); slosh alike; the base frame on springs (mass ratio,
 rad/s, damping ratio); a counterbalance that fails now and then (N, two periods s, phase); a periodic push
-(N, rad/s, phase, direction)."""
+(N, rad/s, phase, direction); whether the drives are told forces."""
 
 # --- actuators --------------------------------------------------------------------------------------
 (
@@ -44,9 +44,10 @@ encoder; from O_CABLE_K on what no catalogue names."""
     S_X, S_V, S_BRISTLE, S_HYST, S_CURRENT, S_FREF, S_INTEGRAL, S_VREF, S_FF, S_STATIC, S_READING, S_COUNT,
     S_SPEED, S_REF, S_SLOPE, S_LEFT, S_ACC, S_ACC_LEFT, S_NEXT_P, S_NEXT_V, S_PENDING, S_HAS_PENDING,
     S_FIFO, S_FIFO_1, S_FIFO_2, S_FIFO_3, S_FIFO_N, S_PLAY, S_IDLE, S_LOAD, S_REST, S_SEAL, S_SEAL_X, S_HEAT,
-    S_TAU, S_NOW,
-) = range(36)  # fmt: skip
-S_ROWS = 36
+    S_TAU, S_NOW, S_HOST_E, S_HOST_ED, S_HOST_SUM, S_HOST_PUSH, S_HOST_T, S_HOST_HEARD, S_HOST_J,
+) = range(43)  # fmt: skip
+S_ROWS = 43
 """Motor, friction states, drive; S_REF where the line that is being drawn
-will be at the next tick, S_NOW where it is, S_LEFT its ticks, S_LOAD the load as friction
-feels it (lagged), S_REST time at rest, S_SEAL the seal's present grip, S_HEAT what derating has built up."""
+will be at the next tick, S_NOW where it is, S_LEFT its ticks, S_LOAD the load as friction feels it
+(lagged), S_REST time at rest, S_SEAL the seal's present grip, S_HEAT what derating has built up; from
+S_HOST_E on what the host outside the drives knows (`outer`)."""

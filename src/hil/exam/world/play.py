@@ -1,5 +1,7 @@
 """A motion played on the exam's world and recorded as its drives, bus and sensors would have it.
 
+Where the rig file's control mode is not "drive", a loop outside the drives tells them forces (`outer`).
+
 Two chances: `seen`, what the record tells (send times), and `hidden`, what it does not (waits on the bus,
 when an answer was really sampled, sensor noise). Records that differ only in `hidden` differ by the floor.
 """
@@ -7,7 +9,6 @@ when an answer was really sampled, sensor noise). Records that differ only in `h
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 import pandas as pd
@@ -18,19 +19,15 @@ from hil.errors import HilError
 from hil.exam.world import layout as lay
 from hil.exam.world.body import Sensor, World
 from hil.exam.world.kernel import simulate
+from hil.exam.world.outer import Asking, asking, nothing_asked
+from hil.exam.world.traffic import Exchanged, exchanged, rising, sampled
 from hil.rigs import Manipulator
 from hil.rigs.solutions import forward_kinematics
+from hil.runs.folder import run_mode
 from hil.runs.table import TableBuilder, signal_order
 from hil.sim.catalogue import IMU_CHANNELS, QUANTITIES
 
 Array = NDArray[np.float64]
-
-FRAME_BITS: Final = 125
-"""A frame of eight bytes; a number of this world's own, as all of it is."""
-BUSY: Final = 0.3
-"""Chance that a frame finds the bus taken."""
-TALK_S: Final = 5e-4
-"""From a slot's start until the drive has the request."""
 
 
 class WorldError(HilError):
@@ -45,6 +42,8 @@ class Played:
     values: dict[str, Array]
     clean: dict[str, Array]
     setpoints: dict[str, tuple[Array, Array]]
+    wanted: dict[str, tuple[Array, Array]]
+    """By actuator, instants and the positions that its cue asks for."""
     cues: dict[str, tuple[Array, Array]]
 
     def table(self, world: World) -> pd.DataFrame:
@@ -69,7 +68,7 @@ def play(
 ) -> Played:
     """Play `trajectory` (rows from 0 s) and record it; WorldError where the world cannot.
 
-    Setpoints come from the rig file's geometry: the daemon knows no better.
+    Setpoints come from the rig file's geometry, forces from its dynamics: the daemon knows no better.
     """
     rig, bus = world.rig, world.rig.bus
     n, nominal = len(rig.actuators), Manipulator(rig)
@@ -79,73 +78,57 @@ def play(
         [np.interp(t_k, trajectory.t_s, trajectory.poses[:, c]) for c in range(n)]
     )
     rho = np.array([nominal.inverse(q) for q in poses])
-    cues = {f"cue.{c}": (t_k, poses[:, j]) for j, c in enumerate(rig.coordinates)}
-    frame_s = FRAME_BITS / rig.can.bitrate
-    arrivals, told, setpoints = [], [], {}
-    stamps: dict[str, Array] = {}
-    instants: dict[str, Array] = {}
-    lost = world.lost
-    for i, name in enumerate(rig.actuator_names):
-        slot = bus.stagger * i if bus.schedule == "parameter" else 0.0
-        sent = _rising(t_k + slot + np.abs(chance.normal(0.0, bus.jitter, len(t_k))))
-        wait = frame_s * dark.random(len(sent)) * (dark.random(len(sent)) < BUSY)
-        there = sent + bus.setpoint_delay + world.setpoint_delay_s[i] + wait - 0.5 * BUSY * frame_s
-        kept = dark.random(len(sent)) >= lost.get("setpoints", 0.0)
-        kept[0] = True
-        arrivals.append(_rising(there)[kept])
-        told.append(rho[kept, i])
-        setpoints[f"{name}.setpoint"] = (sent, rho[:, i])
-        pattern = bus.pattern
-        for q in dict.fromkeys(pattern):
-            if bus.schedule == "parameter":
-                asked = np.isin(
-                    np.arange(len(sent)) % len(pattern),
-                    [k for k, x in enumerate(pattern) if x == q],
-                )
-            else:
-                asked = np.ones(len(sent), dtype=bool)
-            stamp = sent[asked] + TALK_S + bus.answer_delay + frame_s * dark.random(asked.sum())
-            stamp = stamp[dark.random(len(stamp)) >= lost.get("answers", 0.0)]
-            signal = f"{name}.{q}"
-            taken = stamp - bus.answer_delay - world.answer_delay_s[i]
-            taken = taken + dark.normal(0.0, bus.answer_jitter, len(stamp))
-            stamps[signal] = stamp * (1.0 + world.clocks.get("drives", 0.0))
-            instants[signal] = taken - world.sensors.get(signal, Sensor()).latency_s
+    drives = [exchanged(world, i, t_k, chance, dark) for i in range(n)]
+    asked = {s: v for drive in drives for s, v in drive.answers.items()}
     if with_imu and rig.imu is not None:
-        t = np.arange(0.003 * dark.random(), trajectory.duration_s, 1.0 / rig.imu.rate)
-        for channel in IMU_CHANNELS:
-            signal = f"imu.{channel}"
-            stamps[signal] = (t - rig.imu.group_delay_s + rig.imu.delay) * (
-                1.0 + world.clocks.get("imu", 0.0)
-            )
-            instants[signal] = (
-                t + dark.normal(0.0, 2e-5) - world.sensors.get(signal, Sensor()).latency_s
-            )
-    flat = _simulated(world, nominal, poses[0], rho[0], arrivals, told, instants, with_imu)
-    values, clean = {}, {}
-    for signal, exact in flat.items():
-        clean[signal] = _answered(world, signal, exact, None)
-        values[signal] = _answered(world, signal, exact, dark)
-    later = {s: t >= 0.0 for s, t in stamps.items()}
+        asked |= sampled(world, trajectory.duration_s, dark)
+    noise = {s: _noise(world, s, len(x.taken_s), dark) for s, x in asked.items()}
+    host = nothing_asked(n)
+    if is_told := run_mode(rig) == "force":
+        received = {s: x.received_s for s, x in asked.items()}
+        sent = [drive.sent_s for drive in drives]
+        host = asking(world, nominal, trajectory, sent, received, noise, chance)
+    flat, forces = _simulated(
+        world, nominal, (poses[0], rho[0]), drives, rho, host,
+        {s: x.taken_s for s, x in asked.items()}, with_imu,
+    )  # fmt: skip
+    said = np.split(forces, n) if is_told else list(rho.T)
+    kind = "force_setpoint" if is_told else "setpoint"
+    later = {s: x.stamps_s >= 0.0 for s, x in asked.items()}
+    clean = {s: _answered(world, s, exact, None)[later[s]] for s, exact in flat.items()}
+    values = {s: _answered(world, s, exact, noise[s])[later[s]] for s, exact in flat.items()}
     return Played(
-        {s: _rising(t)[later[s]] for s, t in stamps.items()},
-        {s: v[later[s]] for s, v in values.items()},
-        {s: v[later[s]] for s, v in clean.items()},
-        setpoints,
-        cues,
+        {s: rising(x.stamps_s)[later[s]] for s, x in asked.items()},
+        values,
+        clean,
+        {
+            f"{a}.{kind}": (d.sent_s, v)
+            for a, d, v in zip(rig.actuator_names, drives, said, strict=True)
+        },
+        {a: (t_k, rho[:, i]) for i, a in enumerate(rig.actuator_names)},
+        {f"cue.{c}": (t_k, poses[:, j]) for j, c in enumerate(rig.coordinates)},
     )
+
+
+def _noise(world: World, signal: str, count: int, dark: np.random.Generator) -> Array:
+    """(count,) noise of a signal's sensor."""
+    share = float(world.noise_share[1 if signal.startswith("imu.") else 0])
+    spread = float(getattr(world.rig.noise, _quantity(signal)))
+    return share * spread * dark.standard_normal(count)
 
 
 def _simulated(
     world: World,
     nominal: Manipulator,
-    pose: Array,
+    start: tuple[Array, Array],
+    drives: list[Exchanged],
     rho: Array,
-    arrivals: list[Array],
-    told: list[Array],
+    host: Asking,
     instants: dict[str, Array],
     with_imu: bool,
-) -> dict[str, Array]:
+) -> tuple[dict[str, Array], Array]:
+    """By signal, what the world answers, and the forces (M,) that the host told: from the pose and positions
+    `start`; `rho` (K, n): setpoints, where those are positions."""
     rig, n = world.rig, len(world.rig.actuators)
     head = world.head.copy()
     head[lay.H_IMU] = with_imu and rig.imu is not None
@@ -158,13 +141,28 @@ def _simulated(
     columns |= {f"imu.{c}": 4 * n + k for k, c in enumerate(IMU_CHANNELS)}
     times = [np.maximum.accumulate(t) for t in instants.values()]
     out = np.full(sum(map(len, times)), np.nan)
+    forces = np.zeros(len(host.t_s))
+    frames = np.arange(rho.size).reshape(n, -1) if len(host.t_s) else rho.T
+    told = [frames[i, d.kept].astype(float) for i, d in enumerate(drives)]
     ok = simulate(
         (head, world.act, world.true, world.nominal, world.legs, world.imu),
-        (_closed(world, pose, rho), rho.copy()),
+        (_closed(world, *start), start[1].copy()),
         (
-            np.cumsum([0] + [len(t) for t in arrivals]),
-            np.concatenate(arrivals),
+            np.cumsum([0] + [len(x) for x in told]),
+            np.concatenate([d.arrived_s for d in drives]),
             np.concatenate(told),
+        ),
+        (
+            host.first,
+            host.t_s,
+            host.newest,
+            host.age_s,
+            host.wanted,
+            host.ahead,
+            host.masses,
+            host.host,
+            host.noise,
+            forces,
         ),
         (
             np.cumsum([0] + [len(t) for t in times]),
@@ -176,7 +174,8 @@ def _simulated(
     if not ok or not np.all(np.isfinite(out)):
         raise WorldError(f"{rig.name}: the exam's world diverged")
     parts = np.cumsum([0] + [len(t) for t in times])
-    return {s: out[a:b] for s, a, b in zip(instants, parts[:-1], parts[1:], strict=True)}
+    parted = zip(instants, parts[:-1], parts[1:], strict=True)
+    return {s: out[a:b] for s, a, b in parted}, forces
 
 
 def _closed(world: World, pose: Array, rho: Array) -> Array:
@@ -192,11 +191,10 @@ def _closed(world: World, pose: Array, rho: Array) -> Array:
     return q
 
 
-def _answered(world: World, signal: str, exact: Array, rng: np.random.Generator | None) -> Array:
-    """What the sensor says of `exact`; without noise and the rig file's own rounding where rng is None."""
+def _answered(world: World, signal: str, exact: Array, noise: Array | None) -> Array:
+    """What the sensor says of `exact`; without noise and the rig file's own rounding where that is None."""
     rig, sensor = world.rig, world.sensors.get(signal, Sensor())
-    place, _, rest = signal.partition(".")
-    quantity = rest.partition("_")[0]
+    place, quantity = signal.partition(".")[0], _quantity(signal)
     home = 0.0
     value = exact
     if place != "imu":
@@ -206,12 +204,12 @@ def _answered(world: World, signal: str, exact: Array, rng: np.random.Generator 
             value = exact / world.act[lay.A_PER_AMPERE, i]
     value = home + sensor.scale * (value - home) + sensor.bias
     step = sensor.step
-    if rng is not None:
-        share = float(world.noise_share[0 if place != "imu" else 1])
-        value = value + share * getattr(rig.noise, quantity) * rng.standard_normal(len(value))
+    if noise is not None:
+        value = value + noise
         step = max(step, getattr(rig.noise, f"{quantity}_step"))
     return np.asarray(np.round(value / step) * step if step > 0.0 else value)
 
 
-def _rising(t: Array) -> Array:
-    return np.maximum.accumulate(t)
+def _quantity(signal: str) -> str:
+    """position, velocity, force, current, gyro or accel."""
+    return signal.partition(".")[2].partition("_")[0]

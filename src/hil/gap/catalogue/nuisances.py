@@ -75,7 +75,8 @@ def default_nuisances(
 ) -> tuple[Nuisance, ...]:
     """Mass, its place, a pendulum's inertia, viscous friction, delays, level, offsets of all sensors.
 
-    Only those that the recorded `signals` can feel are given. `are_forces`: setpoints are.
+    Only those that the recorded `signals` can feel are given. `are_forces`: setpoints are; a drive's own loop
+    hides the slope of an axis but for the force that it reads, which has an offset anyway.
     """
     known, table = set(signals), ParameterTable(rig)
     out: list[Nuisance] = []
@@ -89,6 +90,8 @@ def default_nuisances(
             for c in "xz":
                 free(f"platform.payload_cog.{c}", COG_M)
             free("platform.payload_inertia.yy", INERTIA * rig.actuators[0].effective_mass)
+        if are_forces and rig.geometry.load != "vertical":
+            free("platform.base_tilt.pitch", TILT_RAD)
     else:
         for c in "xyz":
             free(f"platform.payload_cog.{c}", COG_M)

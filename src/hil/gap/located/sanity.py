@@ -44,6 +44,8 @@ LATE_S: Final = 0.005
 LIKE_LATE: Final = 0.7
 """Share of a residual that must be lateness before it is called so: friction comes late a little too."""
 DRIFT: Final = 3e-4
+SUREST: Final = 1e-9
+"""s/s: no drift is known better, though the twin answer to the last digit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,7 +276,8 @@ def _lateness(t: Array, m: Array, p: Array) -> tuple[float, float, float, float]
     # neighbours depend on each other: a tenth of the samples counts
     cov = np.linalg.pinv(X.T @ X) * float(left @ left) / len(t) * 10.0
     share = 1.0 - float(left.var() / max((m - p).var(), 1e-300))
-    return float(found[0]), float(found[1]), float(np.sqrt(cov[1, 1])), share
+    sd = max(float(np.sqrt(cov[1, 1])), SUREST)
+    return float(found[0]), float(found[1]), sd, share
 
 
 def _drift(group: str, values: Sequence[tuple[float, float]]) -> list[Finding]:
