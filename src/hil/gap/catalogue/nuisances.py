@@ -32,9 +32,10 @@ DELAY_S: Final = 0.0002
 FORCE_DELAY_S: Final = 0.0006
 """The same where setpoints are forces: no tick is read from the record that would tell how long frames wait
 for those of other drives [R: up to a millisecond on a simulated bus of six]."""
-LATENCY_S: Final = {"position": 0.00015, "velocity": 0.00015, "force": 0.00017, "current": 0.00017}
-"""A drive's answers: mean wait of request and answer on the bus, and a tick told one too far; forces swing
-within each tick, and half of one must be within their bound (`hil.gap.located.phase`) [R]."""
+LATENCY_S: Final = {"position": 0.00015, "velocity": 0.0004, "force": 0.00017, "current": 0.00017}
+"""A drive's answers: mean wait of request and answer on the bus, and a tick told one too far; speeds are
+what a drive counts in a while and filters; forces swing within each tick, and half of one must be within
+their bound (`hil.gap.located.phase`) [R]."""
 ZERO: Final = 0.5
 """Of one sample's noise: what is left of an encoder's and a current sensor's zero [R]."""
 FORCE_BIAS: Final = 0.0005
