@@ -1,5 +1,7 @@
 """What is judged and what is held out: no forces at rest, and always something for fits to go by."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from hil.gap import diagnose, locate
 from hil.gap.fits.heldout import split
 from hil.gap.floor.noise import autoregression
 from hil.gap.located.sanity import check_answers
-from hil.gap.record.problem import Problem
+from hil.gap.record.problem import Problem, Series
 from hil.gap.record.runs import as_runs
 from hil.gap.record.standstill import at_rest
 from hil.identify.replay import Stretch, stretches
@@ -92,3 +94,20 @@ def test_a_signal_is_called_late_where_it_is_and_friction_is_no_lateness():
 
     assert said(effect("sensor_latency", "axis.position", delay=0.01)) == ["axis.position"]
     assert said(effect("coulomb_friction", force=30.0)) == []
+
+
+def test_what_lies_below_its_floor_takes_nothing_off_the_gap_that_fits_must_see():
+    """Of two runs the second has all of the gap, in one signal; another lies far below its floors."""
+    t = np.arange(0.0, 10.0, 0.01)
+    count = len(t)
+    parts = [slice(k * count, (k + 1) * count) for k in range(4)]
+    series = [Series(s, k, parts[2 * k + j]) for k in (0, 1) for j, s in enumerate("ab")]
+    residual = np.concatenate([np.full(count, x) for x in (1.0, 0.1, 3.0, 0.1)])
+    floors = np.concatenate([np.full(count, x) for x in (1.0, 9.0, 1.0, 9.0)])
+    pieces = [SimpleNamespace(name=f"run{k}", span_s=(0.0, 10.0)) for k in (1, 2)]
+    problem = SimpleNamespace(
+        pieces=pieces, series=series, size=4 * count, t_s=np.tile(t, 4),
+        kept=np.ones(4 * count, dtype=bool),
+    )  # fmt: skip
+    noise = SimpleNamespace(sigma=np.ones(4 * count), draws=floors[None, :], tamed=lambda _, r: r)
+    assert split(problem, noise, residual).text == "run1"

@@ -83,14 +83,22 @@ def split(problem: Problem, noise: NoiseModel, residual: Array) -> Split:
         ]
     energy = (noise.tamed(problem, residual) / noise.sigma) ** 2
     energy = (energy - np.mean((noise.draws / noise.sigma) ** 2, axis=0)) * problem.kept
-    total = float(energy.sum())
-    shares = [
-        float(energy[o.train(problem)].sum()) / total if total > 0.0 else 1.0 for o in options
-    ]
+    shares = [_seen_share(problem, energy, o.train(problem)) for o in options]
     for option, share in zip(options, shares, strict=True):
         if share > LEAST_SEEN:
             return option
     return options[int(np.argmax(shares))]
+
+
+def _seen_share(problem: Problem, energy: Array, seen: Mask) -> float:
+    """Share of the gap's `energy` (N,) in samples that are `seen` (N,), by signals that stand above their
+    floor there: what others lie below theirs takes nothing off a gap."""
+
+    def above(mask: Mask) -> float:
+        return sum(max(float(energy[x.part] @ mask[x.part]), 0.0) for x in problem.series)
+
+    inside, outside = above(seen), above(~seen)
+    return inside / (inside + outside) if inside + outside > 0.0 else 1.0
 
 
 def traces(c: Calibrated, none: Fit, f: Fit) -> dict[str, float]:
