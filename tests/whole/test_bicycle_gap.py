@@ -220,10 +220,23 @@ def test_a_ride_whose_channels_lie_is_refused(healthy):
         locate_rides([replace(healthy, table=table)], NOMINAL)
 
 
-def test_a_ride_without_imu_cannot_be_judged(healthy):
-    table = healthy.table[["t", "lean", "rear_wheel", "steer"]]
+def without_imu(run):
+    return replace(run, table=run.table[["t", "lean", "rear_wheel", "steer"]].dropna(how="all"))
+
+
+def test_a_ride_without_imu_is_judged_by_its_lean_torque_and_says_so(healthy):
+    found = locate_rides([without_imu(healthy)], NOMINAL)
+    assert [s.signal for s in found.signals] == [LEAN_TORQUE]
+    assert not found.is_gap
+    assert any(f.subject == "imu" and "not recorded" in f.text for f in found.findings)
+    leaning = without_imu(ridden(short(), 23, ("sensor_bias", "lean", {"offset": 0.05})))
+    assert diagnose_rides([leaning], NOMINAL).verdict != "no_gap"
+
+
+def test_a_ride_without_imu_and_rider_cannot_be_judged(healthy):
+    alone = NOMINAL.model_copy(update={"rider": NOMINAL.rider.model_copy(update={"mass": 0.0})})
     with pytest.raises(IdentificationError, match="holds no IMU"):
-        locate_rides([replace(healthy, table=table)], NOMINAL)
+        locate_rides([without_imu(healthy)], alone)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from hil.errors import IdentificationError
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.noise import no_louder, ride_noise, tempered
 from hil.gap.bicycle.problem import RideProblem
+from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.floor.noise import projected
 from hil.gap.located.cells import count_cells
@@ -27,6 +29,10 @@ from hil.runs import Run
 Array = NDArray[np.float64]
 
 STILL_M_S = 0.5
+ALONE: Final = Finding(
+    "warning", "imu",
+    "is not recorded: only the lean torque that nobody gives is judged, what moves no balance is not seen",
+)  # fmt: skip
 
 
 def locate_rides(
@@ -47,6 +53,8 @@ def locate_rides(
             is_warning = f.verdict == "warning"
             findings.append(Finding("warning" if is_warning else "info", f.subject, f.text))
     problem = RideProblem(rig, rides)
+    if problem.signals == (LEAN_TORQUE,):
+        findings.append(ALONE)
     chosen = nuisances or ride_nuisances(rig, problem)
     rng = np.random.default_rng(seed)
     noise = ride_noise(problem, problem.base, rng)

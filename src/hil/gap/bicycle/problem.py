@@ -55,7 +55,7 @@ class RidePiece:
 class RideProblem(Problem):
     """Measured and predicted samples of some rides of one bicycle: IMU signals, and the lean torque left.
 
-    IdentificationError where no ride carries an IMU.
+    IdentificationError where no ride carries an IMU and no rider's mass tells the lean torque.
     """
 
     def __init__(self, rig: BicycleFile, rides: Sequence[Ride]) -> None:
@@ -94,10 +94,10 @@ class RideProblem(Problem):
         self.pieces: Any = tuple(pieces)
         self.sent = self.pieces
         self.series = tuple(series)
-        if not any(x.signal.startswith("imu.") for x in series):
+        if not series:
             raise IdentificationError(
-                f"{', '.join(p.name for p in pieces)}: holds no IMU, without which a ride says nothing "
-                "against its model"
+                f"{', '.join(p.name for p in pieces)}: holds no IMU, and no rider's mass is known, so a ride "
+                "says nothing against its model"
             )
         self.measured: Array = np.concatenate(measured)
         self.t_s: Array = np.concatenate(stamps)
