@@ -1,9 +1,11 @@
 """What a twin of another healthy rig explains is no finding; what none does is one (decision 8)."""
 
 import math
+from dataclasses import replace
 
 from hil.gap.diagnose import diagnose
 from hil.gap.located.rests import resting_twin
+from hil.gap.record.runs import as_runs
 from tests.gap.twin_runs import AXIS, effect, record
 
 QUIET = AXIS.model_copy(
@@ -32,9 +34,11 @@ def named(answer):
 
 
 def test_a_healthy_rig_whose_drives_rest_has_no_gap_and_the_reader_is_told():
-    answer = diagnose(resting(), AXIS)
+    (run,) = as_runs(resting(), AXIS)
+    answer = diagnose(replace(run, rig=AXIS), AXIS)
     assert answer.verdict == "no_gap"
     assert is_told(answer)
+    assert not any("kept with the run" in f.text for f in answer.located.findings)
 
 
 def test_an_effect_is_named_beside_the_rest():

@@ -33,7 +33,7 @@ from hil.gap.judged.verdict import answer, stands
 from hil.gap.located.locate import locate
 from hil.gap.located.rests import rest_found, resting_twin, seems_to_rest
 from hil.gap.located.result import Located
-from hil.gap.located.sanity import Finding
+from hil.gap.located.sanity import Finding, check_runs
 from hil.gap.record.problem import Problem
 from hil.gap.record.runs import as_runs
 from hil.gap.search.candidates import fit_candidates
@@ -112,7 +112,7 @@ def consider(
 ) -> Considered:
     """All that `diagnose` says its verdict on; arguments as there."""
     say = report or (lambda _: None)
-    loaded = as_runs(runs, rig)
+    given, loaded = rig, as_runs(runs, rig)
     healthy = as_runs(references, rig)
     found, nuisances, older, rests, springs = None, None, None, None, None
     if healthy:
@@ -145,7 +145,9 @@ def consider(
         if other.answer(seed).verdict == "no_gap":
             mine, springs = other, SPRINGS
     known = [f for f in (rests, springs, older) if f is not None]
-    told = replace(mine.located, findings=(*mine.located.findings, *known))
+    strange = set(check_runs(loaded, mine.rig)) - set(check_runs(loaded, given))
+    own = [f for f in mine.located.findings if f not in strange]  # of the file given, not of a twin's
+    told = replace(mine.located, findings=(*own, *known))
     return replace(mine, located=told, rests=rests)
 
 
