@@ -146,7 +146,9 @@ def consider(
             mine, springs = other, SPRINGS
     known = [f for f in (rests, springs, older) if f is not None]
     strange = set(check_runs(loaded, mine.rig)) - set(check_runs(loaded, given))
-    own = [f for f in mine.located.findings if f not in strange]  # of the file given, not of a twin's
+    own = [
+        f for f in mine.located.findings if f not in strange
+    ]  # of the file given, not of a twin's
     told = replace(mine.located, findings=(*own, *known))
     return replace(mine, located=told, rests=rests)
 

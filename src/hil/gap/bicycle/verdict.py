@@ -68,7 +68,7 @@ AS_MUCH: Final = 1.15
 UNSAID: Final = 1.38
 """Floors, tolerances among them, from which on a signal is off although no candidate explains it: how well a
 record tells its own noise, twice over [set on training cases]."""
-RESTLESS: Final = {LEAN_TORQUE: 1.6, "imu.gyro_x": 1.55}
+RESTLESS: Final = {LEAN_TORQUE: 1.6, "imu.gyro_x": 1.6}
 """The same of the lean torque, for how still riders sit differs more than how loud sensors are, and of the
 roll rate, which is held against the slope of lean: what an inclinometer errs by slowly shows where riders
 lean, and no quiet band tells it [set on healthy rides of three worlds of others, 1.47 at most]."""
