@@ -146,9 +146,8 @@ def consider(
             mine, springs = other, SPRINGS
     known = [f for f in (rests, springs, older) if f is not None]
     strange = set(check_runs(loaded, mine.rig)) - set(check_runs(loaded, given))
-    own = [
-        f for f in mine.located.findings if f not in strange
-    ]  # of the file given, not of a twin's
+    # what is said of the files kept with runs is said of the file given, not of a twin's
+    own = [f for f in mine.located.findings if f not in strange]
     told = replace(mine.located, findings=(*own, *known))
     return replace(mine, located=told, rests=rests)
 
