@@ -37,15 +37,13 @@ CLEARER: Final = 0.06
 ENOUGH: Final = 12
 DELAYS_S: Final = (0.0, 0.001, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, 0.016)
 TURNS: Final = (
-    ("start", 0.06, 2), ("end", 0.06, 2), ("start", 0.02, 2), ("end", 0.02, 2), ("late", 0.15, 3),
-    ("start", 0.08, 2), ("end", 0.08, 2), ("start", 0.03, 2), ("end", 0.03, 2), ("late", 0.025, 2),
-    ("start", 0.015, 2), ("end", 0.015, 2), ("late", 0.01, 2), ("start", 0.005, 2), ("end", 0.005, 2),
-    ("late", 0.004, 2),
+    ("phase_s", 0.03, 2), ("rate", 3e-6, 2), ("phase_s", 0.015, 2), ("rate", 1e-6, 2),
+    ("late_s", 0.15, 3), ("late_s", 0.025, 2), ("late_s", 0.01, 2), ("phase_s", 0.015, 2), ("rate", 1e-6, 2),
+    ("late_s", 0.01, 2), ("phase_s", 0.005, 2), ("late_s", 0.004, 2),
 )  # fmt: skip
-"""What is moved in turn once ticks are found, by steps of so many ticks, so many either way: where they lie
-at either end of the stretch, the other end staying where it is, and how late frames are. A frame that comes
-near a tick acts at this one or the next, and only a few hundredths of a tick tell which. [Order and steps:
-what left the fewest jumps in records of three worlds; moving place and rate instead ended worse.]"""
+"""What is moved in turn once ticks are found, by steps of so many ticks (rate: s/s), so many either way: a
+frame that comes near a tick acts at this one or the next, and only a few hundredths of a tick tell which.
+First their places: late frames look much like late ticks."""
 
 
 def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
@@ -137,24 +135,23 @@ def _refined(
             for key in clocks
         }
 
-    turns = [(most, _moving(problem, what, step)) for what, step, most in TURNS]
+    turns = [(most, _moving(problem, name, step)) for name, step, most in TURNS]
     return fewest_jumps(found, turns, steps_of)[0]
 
 
 def _moving(
-    problem: Problem, what: str, step: float
+    problem: Problem, name: str, step: float
 ) -> Callable[[tuple[int, str], Ticks, int], Ticks]:
-    """What moves ticks by so many `step`s: their "start" or "end" in a stretch, or how "late" frames are."""
+    """What moves one number of ticks by so many `step`s; the rate about the middle of the stretch."""
 
     def moved(key: tuple[int, str], ticks: Ticks, count: int) -> Ticks:
-        by = count * step * problem.rig.bus.position_loop
-        if what == "late":
-            return replace(ticks, late_s=ticks.late_s + by)
+        by = count * step
+        if name != "rate":
+            late = {name: getattr(ticks, name) + by * problem.rig.bus.position_loop}
+            return replace(ticks, **late)
         start, end = problem.pieces[key[0]].span_s
-        still = end if what == "start" else start
-        rate = (-by if what == "start" else by) / (end - start)
-        place = ticks.phase_s - rate * (still - ticks.origin_s)
-        return replace(ticks, rate=ticks.rate + rate, phase_s=place)
+        turn = by * (0.5 * (start + end) - ticks.origin_s)
+        return replace(ticks, rate=ticks.rate + by, phase_s=ticks.phase_s - turn)
 
     return moved
 
