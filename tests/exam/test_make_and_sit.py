@@ -21,10 +21,11 @@ from hil.exam import Order, Sitting, load_case, make_exam, mark_exam, seal, sit_
 from hil.exam.case import case_folders, read_answer
 from hil.exam.make import make_case
 from hil.exam.menu import OF_LOOPS, effects_of, possible
+from hil.exam.odd import outside_of
 from hil.exam.rigs import draw_rig
 from hil.exam.severity import Bench
 from hil.exam.sit import sit_case
-from hil.exam.world import Scatter, build_world
+from hil.exam.world import OUTSIDE, Scatter, build_world
 from hil.gap.catalogue.nuisances import default_nuisances
 from tests.exam.worlds import sway
 
@@ -112,6 +113,8 @@ def test_orders_for_what_there_is_not_are_refused() -> None:
         Order(severities=(0.0,))
     with pytest.raises(ConfigError, match="'speed' is no mode"):
         Order(mode="speed")
+    with pytest.raises(ConfigError, match="a bicycle has no drives"):
+        Order(rigs=("bicycle",), mode="force")
 
 
 def test_a_case_whose_drives_are_told_forces_says_so(tmp_path: Path) -> None:
@@ -133,6 +136,8 @@ def test_drives_that_are_told_forces_have_no_loops_to_be_wrong() -> None:
         assert not set(OF_LOOPS) & set(effects_of(told, set()))
         assert not set(OF_LOOPS) & set(possible(name, "force"))
         assert set(OF_LOOPS) & set(possible(name))
+        assert "setpoint_rounding" in outside_of(own, OUTSIDE)
+        assert "setpoint_rounding" not in outside_of(told, OUTSIDE)
 
 
 def test_a_healthy_rig_stays_within_what_a_calibration_allows() -> None:

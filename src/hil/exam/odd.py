@@ -9,6 +9,7 @@ import numpy as np
 from hil.config import AxisGeometry, RigFile
 from hil.exam.actuator_menu import Make, sign
 from hil.exam.menu import Recipe
+from hil.runs.folder import run_mode
 
 
 def draw_outside(rig: RigFile, kind: str, duration_s: float, rng: np.random.Generator) -> Recipe:
@@ -115,6 +116,8 @@ def _out(kind: str, location: str, make: Make, guess: float, largest: float) -> 
 
 def outside_of(rig: RigFile, kinds: tuple[str, ...]) -> tuple[str, ...]:
     """Those of the outside kinds that act on this rig: a pendulum feels no force on its pivot, and so on."""
+    if run_mode(rig) == "force":
+        kinds = tuple(k for k in kinds if k != "setpoint_rounding")  # of positions
     if not isinstance(rig.geometry, AxisGeometry):
         return kinds
     unfelt = {

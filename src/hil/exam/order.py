@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from hil.errors import ConfigError
-from hil.exam.rigs import ALL, RIGS
+from hil.exam.rigs import ALL, RIDDEN, RIGS
 
 KINDS: Final = ("none", "single", "double", "triple", "outside")
 MODES: Final = ("position", "force")
@@ -36,6 +36,8 @@ class Order:
                     raise ConfigError(
                         f"{name!r} is no {what} of exam cases; choose of {', '.join(known)}"
                     )
+        if self.mode == "force" and RIDDEN in self.rigs:
+            raise ConfigError(f"a {RIDDEN} has no drives that could be told forces")
         if not self.rigs or not self.kinds or not all(s > 0.0 for s in self.severities):
             raise ConfigError("exam cases need a rig, a kind and severities above 0")
 

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 STILL_M_S = 0.5
 ALONE: Final = Finding(
     "warning", "imu",
-    "is not recorded: only the lean torque that nobody gives is judged, what moves no balance is not seen",
+    "is not recorded: only the lean torque that nobody gives is judged; what moves no balance is unseen",
 )  # fmt: skip
 
 
