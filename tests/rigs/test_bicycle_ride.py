@@ -228,6 +228,15 @@ def test_impossible_inertias_are_named_by_body():
     assert "handlebar and fork" in said[0]
 
 
+def test_a_rider_who_cannot_be_a_part_of_body_3_is_named():
+    bicycle = load_bicycle("bicycle")
+    higher = bicycle.rider.model_copy(update={"height": 0.6})
+    (said,) = impossible_bodies(bicycle.model_copy(update={"rider": higher}))
+    # 40 of 85 kg at 1.1 m, 0.54 m above the whole: 9.2 - 1.9 - 40 * 85 / 45 * 0.54**2
+    assert said.startswith("rider: ")
+    assert "-15 kg·m²" in said
+
+
 def test_conditioning_has_no_delay_and_half_gain_at_its_cutoff():
     t = 0.01 * np.arange(2000)
     wave = np.sin(2.0 * np.pi * 5.0 * t)

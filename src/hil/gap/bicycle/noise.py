@@ -48,8 +48,8 @@ LOUDEST: Final = (0.7, 6.0)
 """Bounds of how much louder than its file a sensor is believed to be, by a rough road as well: beyond, it is
 a finding."""
 SWAY: Final = 1.2
-"""N m of lean torque that a healthy rider's breathing and pedalling make, rms [R]: of an upper body of 45 kg
-half a degree."""
+"""N m of lean torque that a healthy rider's breathing and pedalling make, rms [R]: of an upper body of 40 kg
+six tenths of a degree."""
 SWAY_S: Final = 0.4
 SHARE: Final = 0.3
 """Of a gap's size, that a model of it may be off by."""
