@@ -10,9 +10,11 @@ import pytest
 
 from hil.config import RigFile
 from hil.configfile import load_rig
+from hil.gap.catalogue.bank import fill_bank
 from hil.gap.floor.draws import UNKNOWN, draws
 from hil.gap.floor.noise import find_noise
 from hil.gap.located.locate import locate
+from hil.gap.record.leaf import Leaf, Start
 from hil.gap.record.led import lacking, replay_led
 from hil.gap.record.problem import Problem
 from hil.gap.record.repeats import find_repeats
@@ -96,6 +98,30 @@ def test_the_floor_is_as_loud_as_what_noise_leaves_of_a_led_twin(noise_m: float)
     left = problem.residual(problem.base)[x.part]
     assert np.std((late + sensed)[:, x.part]) == pytest.approx(np.std(left), rel=0.15)
     assert np.std(left) < 1.2 * noise_m
+
+
+@pytest.mark.parametrize(
+    ("sensor", "parameter", "value"),
+    [("sensor_bias", "offset", 1e-3), ("sensor_scale", "scale", 1.02), ("sensor_latency", "delay", 1e-3)],
+)  # fmt: skip
+def test_what_a_leading_sensor_errs_by_moves_the_twin(
+    sensor: str, parameter: str, value: float
+) -> None:
+    """Its column is a replay, which it hardly changes: the twin is led to the answers, however wrong."""
+    piece = pushed(AXIS, 60.0 * np.sin(2 * np.pi * 0.8 * SENT_S))
+    problem, name = Problem(AXIS, [piece]), f"axis.position.{sensor}.{parameter}"
+    base = problem.predict(problem.base)[0]
+    leaf = Leaf(sensor, "axis.position", (name,), (Start({}, ({name: value},)),), "axis")
+    column = fill_bank(problem, problem.base, base, [leaf]).columns[:, 0]
+    row = np.array(problem.base)
+    row[problem.table.index(name)] = value
+    assert column == pytest.approx(problem.answers(row)[0] - base, abs=1e-9)
+    (x,) = (x for x in problem.series if x.signal == "axis.position")
+    travel = float(np.ptp(base[x.part]))
+    own = {"offset": value, "scale": 0.02 * travel, "delay": 1e-3 * travel * 2 * np.pi * 0.8}
+    assert np.std(column[x.part]) < 0.5 * own[parameter]
+    (slope,) = problem.jacobian([name], problem.base, base).T
+    assert np.std(slope[x.part]) < 0.5 * own[parameter] / abs(value - (parameter == "scale"))
 
 
 @pytest.fixture(scope="module")

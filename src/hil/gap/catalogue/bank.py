@@ -119,6 +119,8 @@ def _sensor_column(problem: Problem, w: _Wanted, base: Array, out: Columns) -> b
         return False
     if signal != "imu" and signal not in problem.signals:  # a sensor whose answers drive the twin
         return False
+    if problem.leads(signal):
+        return False
     for x in problem.series:
         if x.signal != signal and not (signal == "imu" and x.actuator == "imu"):
             continue
@@ -134,7 +136,8 @@ def _own_signal(problem: Problem, w: _Wanted) -> str | None:
     """The signal that a column changes alone, where it is the latency of one."""
     name = next(iter(w.changes))
     signal = name.removesuffix(".sensor_latency.delay")
-    return signal if signal != name and signal in problem.signals else None
+    is_own = signal != name and signal in problem.signals and not problem.leads(signal)
+    return signal if is_own else None
 
 
 def _centre(problem: Problem, signal: str) -> float:

@@ -222,11 +222,18 @@ def _data(c: Calibrated, f: Fit, tempers: Mapping[str, Temper], discount: float)
 def _as_events(c: Calibrated, f: Fit, fits: Sequence[Fit], tempers: Mapping[str, Temper]) -> float:
     """Nats that a fit has beside `log_likelihood` where MOMENTS of it explain what stands in few samples.
 
-    Many samples count as one for the small ways in which a twin is wrong: those are in all of them.
+    Many samples count as one for the small ways in which a twin is wrong: those are in all of them. What
+    an effect that has no such moments explains as well stands in no few samples.
     """
     others = [leaf for leaf in f.leaves if leaf.effect not in MOMENTS]
     base = next((g for g in fits if list(g.leaves) == others), None)
     if len(others) == len(f.leaves) or base is None or largest_ratio(c, base) > RARE:
+        return 0.0
+    steady = [
+        g for g in fits
+        if len(g.leaves) <= len(f.leaves) and not any(x.effect in MOMENTS for x in g.leaves)
+    ]  # fmt: skip
+    if min(_data(c, g, tempers, 0.0) for g in steady) < _data(c, f, tempers, 0.0):
         return 0.0
     part, full = (
         _data(c, base, tempers, by) - _data(c, f, tempers, by) for by in (c.problem.discount, 0.0)

@@ -189,6 +189,10 @@ class Problem:
         """Whether the setpoints of any stretch are forces."""
         return any(piece.mode == "force" for piece in self.pieces)
 
+    def leads(self, signal: str) -> bool:
+        """Whether the answers of `signal` lead the twin: what its sensor errs by moves all of the rig."""
+        return self.are_forces and signal.endswith(".position")
+
     def with_clocks(self, clocks: Clocks) -> Problem:
         """The same data, with the drives' ticks elsewhere."""
         return Problem(self.rig, self.sent, clocks=clocks, settle_s=self.settle_s)
@@ -270,7 +274,7 @@ class Problem:
     def _own_samples(self, group: tuple[str, ...]) -> Mask | None:
         """(N,) the samples of the signals that a group of biases or latencies of signals acts on alone."""
         parts = [n.removesuffix(e) for n in group for e in (BIAS, LATENCY) if n.endswith(e)]
-        if len(parts) != len(group) or "imu" in parts:
+        if len(parts) != len(group) or "imu" in parts or any(map(self.leads, parts)):
             return None
         mask = np.zeros(self.size, dtype=bool)
         for x in self.series:
