@@ -71,6 +71,15 @@ def test_friction_that_goes_one_way_and_grows_the_other_is_a_constant_force(
     assert is_itself(c, f) is is_friction
 
 
+@pytest.mark.parametrize(("negative", "is_asymmetric"), [(59.5, False), (57.0, True)])
+def test_friction_that_is_equal_in_both_directions_is_not_asymmetric(
+    negative: float, is_asymmetric: bool
+):
+    c = SimpleNamespace(problem=SimpleNamespace(rig=AXIS))
+    f = fit_of("asymmetric_friction", {"positive": 59.6, "negative": negative})
+    assert is_itself(c, f) is is_asymmetric
+
+
 def test_an_effect_all_of_whose_parameters_are_at_their_bounds_is_beyond_any_rig():
     stuck = fit_of("velocity_saturation", {"limit": 0.0}, "limit")
     half = fit_of("load_friction", {"coefficient": 0.1, "asymmetry": 1.0}, "asymmetry")

@@ -41,6 +41,8 @@ LAWS: Final = 5
 """Laws that are fitted with bristles."""
 NEARLY_ALL: Final = 0.8
 """Of a rig's own friction: no wear takes that much away."""
+EQUAL: Final = 0.02
+"""Of the sum of both directions, from which on friction that differs by less is plain friction [R]."""
 PEAKS: Final = (1.6, 3.0)
 """Times the plain friction, that friction at rest may have where a peak is looked for."""
 
@@ -71,8 +73,8 @@ def nested(a: Sequence[Leaf], b: Sequence[Leaf]) -> bool:
 
 def is_itself(c: Calibrated, f: Fit) -> bool:
     """Whether no effect of a fit has gone where it is another one: a hysteresis as narrow as BRISTLES_M or a
-    Stribeck curve that rises from rest is plain friction, friction that nearly goes one way and grows
-    the other a constant force; and no friction drives, whatever law it has."""
+    Stribeck curve that rises from rest is plain friction, as is friction EQUAL in both directions, and what
+    nearly goes one way and grows the other a constant force; and no friction drives, whatever law it has."""
     value = _values(f)
     own = {a.name: a.coulomb for a in c.problem.rig.actuators}
     if any(map(_is_narrow, value.items())) or _drives(value, own):
@@ -85,6 +87,8 @@ def is_itself(c: Calibrated, f: Fit) -> bool:
         if leaf.effect == "asymmetric_friction":
             less, more = sorted(value.get(n, 0.0) for n in leaf.parameters)
             if more > 0.0 and less < -NEARLY_ALL * own[leaf.location]:
+                return False
+            if more - less < EQUAL * abs(more + less):
                 return False
     return True
 
