@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil.gap.catalogue.nuisances import default_nuisances
-from hil.gap.fits.fit import _as_moved
+from hil.gap.fits.fit import _as_moved, _is_stuck
 from hil.gap.fits.friction import is_itself
 from hil.gap.fits.heldout import split
 from hil.gap.fits.training import begin, candidates_of
@@ -85,3 +85,11 @@ def test_an_effect_all_of_whose_parameters_are_at_their_bounds_is_beyond_any_rig
     half = fit_of("load_friction", {"coefficient": 0.1, "asymmetry": 1.0}, "asymmetry")
     assert is_beyond(stuck.leaves, stuck)
     assert not is_beyond(half.leaves, half)
+
+
+@pytest.mark.parametrize(("deviation_rad", "is_stuck"), [(0.01, True), (1.1, False)])
+def test_a_parameter_that_data_leave_free_is_not_stuck_at_its_bound(
+    deviation_rad: float, is_stuck: bool
+):
+    p = ParameterTable(AXIS)["imu.sensor_misalignment.z"]
+    assert _is_stuck(p, p.to_search(p.lower), deviation_rad) is is_stuck

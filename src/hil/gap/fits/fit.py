@@ -50,6 +50,8 @@ GAP_STEP: Final = (0.1, 2e-6)
 PHASE_STEP_RAD: Final = 0.1
 DELAY_STEP_S: Final = 5e-4
 LATENCY_STEP_S: Final = 1e-4
+HARDLY: Final = 0.5
+"""Of a parameter's way from neutral, by which data leave one free that they hardly tell of."""
 WEAK: Final = 10.0
 """Prior spread of a candidate's parameter in its own scales: keeps what data do not hold from running off."""
 
@@ -133,12 +135,13 @@ def fit(
     full_z = np.array(c.z)
     full_z[held] = z
     full_z[own] = 0.0
-    bound = tuple(p.name for p, s in zip(entries, x, strict=True) if _is_stuck(p, s))
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    known = deviation * np.sqrt(c.problem.discount)
+    bound = tuple(p.name for p, s, u in zip(entries, x, known, strict=True) if _is_stuck(p, s, u))
     values = np.array([vector[i] for i in index])
     return Fit(
-        tuple(leaves), tuple(names), values, np.sqrt(np.maximum(np.diag(covariance), 0.0)),
-        vector, residual, white, full_z, bound,
-    )  # fmt: skip
+        tuple(leaves), tuple(names), values, deviation, vector, residual, white, full_z, bound
+    )
 
 
 def _with_latencies(
@@ -225,10 +228,13 @@ def _ends(p: Parameter) -> list[float]:
     return sorted((p.to_search(lower), p.to_search(p.upper)))
 
 
-def _is_stuck(p: Parameter, x: float) -> bool:
-    """Whether a parameter wants more than its bounds allow; one that wants to vanish has what it wants."""
-    near = 1e-6 * max(abs(x), 1e-9)
-    return any(abs(x - end) < near and end != p.to_search(p.neutral) for end in _ends(p))
+def _is_stuck(p: Parameter, x: float, deviation: float) -> bool:
+    """Whether a parameter wants more than its bounds allow; one that wants to vanish has what it wants, and
+    one that data leave free by HARDLY of its way from neutral wants nothing."""
+    near, neutral = 1e-6 * max(abs(x), 1e-9), p.to_search(p.neutral)
+    if np.isfinite(neutral) and deviation > HARDLY * abs(x - neutral):
+        return False
+    return any(abs(x - end) < near and end != neutral for end in _ends(p))
 
 
 def _units(held: Sequence[int], scale: Array) -> Array:
