@@ -21,12 +21,13 @@ from hil.gap.located.cells import Cells, count_cells
 from hil.gap.located.phase import begun
 from hil.gap.located.residual import Refit, refit
 from hil.gap.located.result import RATIO, Evidence, Located, Place, SignalGap, interval, unit_of
-from hil.gap.located.sanity import Finding, check_answers, check_runs, refuse
+from hil.gap.located.sanity import Finding, check_answers, check_runs, fewer, refuse
 from hil.gap.record.arrivals import find_clocks
 from hil.gap.record.problem import Problem
 from hil.gap.record.regions import region_codes
 from hil.gap.record.repeats import find_repeats
 from hil.gap.record.runs import as_runs
+from hil.gap.record.thin import thinned
 from hil.identify.replay import stretches
 from hil.runs import Run
 
@@ -68,7 +69,8 @@ def locate(
     loaded = as_runs(runs, rig)
     findings = check_runs(loaded, rig)
     refuse(findings)
-    pieces = [piece for run in loaded for piece in stretches(run)]
+    pieces, every = thinned(rig, [piece for run in loaded for piece in stretches(run)])
+    findings += [fewer(every)] if every > 1 else []
     rng = np.random.default_rng(seed)
     smooth = Problem(rig, pieces)
     findings += check_answers(smooth)

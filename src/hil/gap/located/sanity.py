@@ -58,6 +58,14 @@ class Finding:
     text: str
 
 
+def fewer(every: int) -> Finding:
+    """Said of a record of which one answer in `every` is judged."""
+    return Finding(
+        "info", "drives",
+        f"answers come so often that one in {every} of each signal is judged; the others would tell no more",
+    )  # fmt: skip
+
+
 def refuse(findings: Iterable[Finding]) -> None:
     """IdentificationError with all errors among `findings`, if there are any."""
     errors = [f"{f.subject}: {f.text}" for f in findings if f.severity == "error"]
