@@ -109,6 +109,11 @@ class RideProblem(Problem):
         return ()
 
     @property
+    def are_forces(self) -> bool:
+        """No: nothing is told to a bicycle."""
+        return False
+
+    @property
     def discount(self) -> float:
         """1: what a bicycle's model gets wrong is in the noise of its rides."""
         return 1.0
