@@ -15,12 +15,14 @@ from typing import Any, Final
 
 import tomlkit
 
-from hil.config import AnyRig, RigFile
+from hil.config import AnyRig, BicycleFile, RigFile
 from hil.configfile import parse_any_rig
 from hil.effectlines import check_effects
 from hil.errors import ConfigError
+from hil.gap.catalogue.nature import RIDER
 from hil.gap.located.rests import KEY, RESTING
 from hil.identify.estimate.rigfile import set_value
+from hil.rigs.bicycle import with_usual_rider
 from hil.units import with_unit
 
 FORMAT: Final = "hil-diagnosis/1"
@@ -45,6 +47,8 @@ def applied_text(
     doc: Any = tomlkit.parse(text)
     rig = parse_any_rig(tomllib.loads(text), "rig file")
     for cause in chosen_causes(answer, rig, pick):
+        if cause["effect"] == RIDER and isinstance(rig, BicycleFile):
+            _write_rider(doc, rig)
         _write(doc, cause, *_provenance(answer, cause, when, source))
     if rests(answer) and isinstance(rig, RigFile):
         bus = doc.setdefault("bus", tomlkit.table())
@@ -106,6 +110,16 @@ def alarms(causes: Sequence[Answer]) -> list[str]:
         for name, p in c["parameters"].items()
         if p.get("at_bound")
     ]
+
+
+def _write_rider(doc: Any, rig: BicycleFile) -> None:
+    """The rider that was assumed, into a file that says nothing of one."""
+    ridden = with_usual_rider(rig)
+    if ridden is None:
+        return
+    table = doc["rider"] = tomlkit.table()
+    table.comment("a usual one, as the diagnosis assumed [R]")
+    table.update({k: list(v) if isinstance(v, tuple) else v for k, v in ridden.rider})
 
 
 def _provenance(answer: Answer, cause: Answer, when: str, source: str) -> tuple[str, list[str]]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
-from hil.gap.catalogue.sprung import BEND_HZ, sprung_twin
+from hil.gap.catalogue.sprung import BEND_HZ, SOFTER_HZ, sprung_twin
 from hil.gap.fits.evidence import explains_better
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Split, split
@@ -44,11 +44,6 @@ Report = Callable[[str], None]
 
 SPRINGY: Final = ("compliance", "loop_gain")
 """What transmissions that give a little look like to a twin whose do not."""
-SPRINGS: Final = Finding(
-    "info", "transmissions",
-    f"a twin whose loads swing on their transmissions at {BEND_HZ:g} Hz, as healthy ones do, explains what a "
-    "stiff one does not: what is shown is that twin's",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,18 +133,24 @@ def consider(
         other, _ = _considered(resting, None, without, seed, say, parts)
         if explains_better(mine.calibrated, mine.fits, other.fits):
             mine, rests = other, rest_found(rig)
-    if _may_be_springs(mine, seed):
-        say("once more with transmissions that give a little, as healthy ones do")
-        soft = locate(loaded, sprung_twin(mine.rig), nuisances=nuisances, healthy=found, seed=seed)
+    for bend_hz in (BEND_HZ, SOFTER_HZ) if _may_be_springs(mine, seed) else ():
+        say(f"once more with transmissions that swing at {bend_hz:g} Hz, as healthy ones do")
+        twin = sprung_twin(mine.rig, bend_hz)
+        soft = locate(loaded, twin, nuisances=nuisances, healthy=found, seed=seed)
         other, _ = _considered(soft, nuisances, without, seed, say, parts)
-        if other.answer(seed).verdict == "no_gap":
-            mine, springs = other, SPRINGS
+        told = other.answer(seed)
+        is_better = explains_better(mine.calibrated, mine.fits, other.fits)
+        is_other = is_better and bool(told.effects) and not _is_springy(told)
+        if is_other or (bend_hz == BEND_HZ and told.verdict == "no_gap"):
+            mine, springs = other, _springs_found(bend_hz)
+        if springs is not None or not is_better:
+            break
     known = [f for f in (rests, springs, older) if f is not None]
     strange = set(check_runs(loaded, mine.rig)) - set(check_runs(loaded, given))
     # what is said of the files kept with runs is said of the file given, not of a twin's
     own = [f for f in mine.located.findings if f not in strange]
-    told = replace(mine.located, findings=(*own, *known))
-    return replace(mine, located=told, rests=rests)
+    located = replace(mine.located, findings=(*own, *known))
+    return replace(mine, located=located, rests=rests)
 
 
 def _considered(
@@ -183,12 +184,25 @@ def _considered(
     return Considered(located, c, tuple(fits), bank, held, parts.text, is_large), parts
 
 
+def _springs_found(bend_hz: float) -> Finding:
+    return Finding(
+        "info", "transmissions",
+        f"a twin whose loads swing on their transmissions at {bend_hz:g} Hz, as healthy ones do, explains "
+        "what a stiff one does not: what is shown is that twin's",
+    )  # fmt: skip
+
+
 def _may_be_springs(found: Considered, seed: int) -> bool:
     """Whether what was found is small, or what a stiff twin says of transmissions that give a little."""
     told = found.answer(seed)
     if told.verdict == "no_gap":
         return False
-    return not found.is_large or any(x.effect in SPRINGY for x in told.effects)
+    return not found.is_large or _is_springy(told)
+
+
+def _is_springy(told: Diagnosis) -> bool:
+    """Whether a verdict is what springs look like to a twin that has none."""
+    return any(x.effect in SPRINGY for x in told.effects)
 
 
 def _nuisances(problem: Problem) -> tuple[Nuisance, ...]:

@@ -17,6 +17,7 @@ from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
 from hil.gap.bicycle.sets import fit_sets
 from hil.gap.bicycle.verdict import by_energy, twins, unsaid
+from hil.gap.catalogue.nature import RIDER
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
 from hil.gap.fits.evidence import MORE
@@ -33,6 +34,7 @@ from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.record.problem import Mask
 from hil.gap.search.linear import Search
+from hil.rigs.bicycle import with_usual_rider
 from hil.runs import Run
 
 LARGE: Final = 3.0
@@ -59,9 +61,39 @@ def diagnose_rides(
     seed: int = 0,
     report: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Diagnose the gap between rides and the bicycle's model; arguments as of `hil.gap.diagnose`."""
+    """Diagnose the gap between rides and the bicycle's model; arguments as of `hil.gap.diagnose`.
+
+    Where the file says nothing of a rider, the lean torque is no equation to be judged by: who knows what
+    leans. Only where nothing else explains a gap, or there is none, is a usual rider asked.
+    """
     say = report or (lambda _: None)
     loaded, healthy = list(runs), list(references)
+    found = _diagnosed(loaded, rig, healthy, without, seed, say)
+    ridden = with_usual_rider(rig)
+    if ridden is None or found.effects or RIDER in without:
+        return found
+    say("once more with a usual rider, of whom the rig file says nothing")
+    other = _diagnosed(loaded, ridden, healthy, without, seed, say)
+    if all(x.effect != RIDER for x in other.effects):
+        return found
+    told = Finding(
+        "warning", "rider",
+        f"is not in the rig file: an upper body of {ridden.rider.mass:g} kg that turns "
+        f"{ridden.rider.pivot[2]:.2g} m above the axle is assumed, and what is found of it goes with that",
+    )  # fmt: skip
+    located = replace(other.located, findings=(*other.located.findings, told))
+    return replace(other, located=located)
+
+
+def _diagnosed(
+    loaded: Sequence[Run],
+    rig: BicycleFile,
+    healthy: Sequence[Run],
+    without: Collection[str],
+    seed: int,
+    say: Callable[[str], None],
+) -> Diagnosis:
+    """The diagnosis with the file's own rider, if it has one."""
     nuisances: list[Nuisance] | None = None
     older: Finding | None = None
     if healthy:
@@ -69,7 +101,7 @@ def diagnose_rides(
         known = locate_rides(healthy, rig, seed=seed)
         if known.is_gap:
             say("the references differ from the model themselves: what explains that comes first")
-            was = diagnose_rides(healthy, rig, without=without, seed=seed, report=report)
+            was = _diagnosed(healthy, rig, (), without, seed, say)
             if was.verdict != "no_gap":
                 effects, older = as_it_was(rig.effects, was)
                 rig = rig.model_copy(update={"effects": effects})

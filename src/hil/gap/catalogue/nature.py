@@ -29,6 +29,8 @@ EVENTS: Final = LIMITS | {"lost_frames"}
 FLANKS: Final = frozenset({"backlash"})
 """They do most as flanks meet."""
 MOMENTS: Final = EVENTS | FLANKS
+RIDER: Final = "rider_motion"
+"""It needs a rider in the rig file."""
 DRAG: Final = "viscous_friction"
 """Whatever brakes more the faster it goes comes so near it that little of a small gap is left."""
 NEAR: Final = frozenset({"backlash", "transport_delay", "sensor_latency", "clock_drift"})

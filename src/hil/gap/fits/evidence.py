@@ -36,6 +36,10 @@ SIMPLER: Final = 0.5
 """Such units that each parameter which these data determine must earn: of two laws that explain alike the one
 with fewer is meant more often, whatever small ways of the rig the other's freedom follows [set on training
 cases of two worlds]."""
+LESS: Final = 2.3
+"""Such units that a mass below the rig file's costs: one in ten is [R]. Masses are added to rigs, and what
+looks like one that was taken away is more often a drive that pushes harder than it says."""
+ADDED: Final = ("payload_mass.mass", "actuator_inertia.mass")
 STUCK: Final = 6.0
 """Such units that a parameter at its bound costs: what wants more than any rig has is another effect."""
 RANGE: Final = 10.0
@@ -114,7 +118,13 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     unit = max(1.0, RELATIVE * float(logs.max() - logs[~real].max()))
     told = np.array([np.sum(_felt(c, f, loose) < TOLD) for f in fits])
     ends = np.array([len(f.at_bound) for f in fits])
-    worth_of = logs / unit - SIMPLER * told - STUCK * ends
+    less = np.array(
+        [
+            sum(v < 0.0 for n, v in zip(f.names, f.values, strict=True) if n.endswith(ADDED))
+            for f in fits
+        ]
+    )
+    worth_of = logs / unit - SIMPLER * told - STUCK * ends - LESS * less
     for g in set(group[real].tolist()):
         mine = np.flatnonzero((group == g) & real)
         head = int(mine[np.argmax(worth_of[mine])])

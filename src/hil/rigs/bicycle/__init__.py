@@ -9,6 +9,7 @@ from hil.rigs.bicycle.linear import Canonical, canonical, linearise
 from hil.rigs.bicycle.model import COORDINATES, Whipple
 from hil.rigs.bicycle.motion import Motion, ride
 from hil.rigs.bicycle.parameters import Packed, impossible_bodies, pack, reduced_inertia
+from hil.rigs.bicycle.rider import with_usual_rider
 
 __all__ = [
     "COORDINATES",
@@ -25,4 +26,5 @@ __all__ = [
     "reduced_inertia",
     "ride",
     "smooth",
+    "with_usual_rider",
 ]

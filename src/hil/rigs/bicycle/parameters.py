@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config.bicycle import BicycleFile
+from hil.rigs.bicycle.rider import impossible_rider
 
 Array = NDArray[np.float64]
 
@@ -105,25 +106,8 @@ def impossible_bodies(rig: BicycleFile) -> list[str]:
                 f"mass.{key}: {name}: principal moments {a:.4g} + {b:.4g} < {c:.4g} kg·m²: no body has "
                 "such an inertia (triangle inequality); results follow the numbers as given"
             )
-    return out + _impossible_rider(rig)
-
-
-def _impossible_rider(rig: BicycleFile) -> list[str]:
-    """That the rider's upper body cannot be a part of body 3, if so.
-
-    What is left of body 3 without it has what the parallel axes leave of its moment about the forward axis.
-    """
-    rider, (frame, gravity) = rig.rider, (rig.mass.m[1], rig.mass.G3[2])
-    rest = frame - rider.mass  # the rig file keeps it above 0
-    apart = rider.pivot[2] + rider.height - gravity
-    left = rig.mass.I3[0] - rider.inertia - rider.mass * frame / rest * apart**2
-    if rider.mass == 0.0 or left > 0.0:
-        return []
-    return [
-        f"rider: an upper body of {rider.mass:g} kg with its centre of gravity {apart:+.2g} m above body 3's "
-        f"leaves the rest of it {left:.2g} kg·m² about the forward axis, not above 0: its mass, height or "
-        "inertia are too large, or mass.I3 is too small"
-    ]
+    rider = impossible_rider(rig)
+    return out if rider is None else [*out, rider]
 
 
 def reduced_inertia(rig: BicycleFile) -> float:
