@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hil.cli.app import app
-from hil.configfile import find_rig_file, load_rig
+from hil.configfile import find_rig_file, load_bicycle, load_rig
 from hil.control.friction import known_friction
 from hil.control.trajectory import CueTrajectory
 from hil.daemon.simulated import SimulatedSession, cue_at
@@ -132,6 +132,19 @@ def test_drives_that_were_found_to_rest_do_so_in_the_file(tmp_path):
     alone = {**answer(verdict="no_gap"), "findings": [resting]}
     rig = read(applied_text(AXIS_FILE, alone, when="x"), tmp_path)
     assert (rig.bus.interpolation, rig.effects) == ("linear_rests", ())
+
+
+def test_a_rider_who_was_assumed_is_written_beside_what_he_does(tmp_path):
+    own = find_rig_file("bicycle").read_text(encoding="utf-8")
+    start, end = own.index("[rider]"), own.index("[bus]")
+    leans = cause("rider_motion", "bicycle", gain=0.3)
+    for text, mass in ((own[:start] + own[end:], 39.9), (own, 40.0)):
+        new = tmp_path / f"{mass}.toml"
+        told = applied_text(text, {**answer(leans), "rig": "bicycle"}, when="2026-02-01")
+        new.write_text(told, encoding="utf-8")
+        bicycle = load_bicycle(new)
+        assert bicycle.rider.mass == pytest.approx(mass)
+        assert [e.effect for e in bicycle.effects] == ["rider_motion"]
 
 
 def test_a_parameter_at_its_bound_is_an_alarm():

@@ -15,6 +15,7 @@ from hil.rigs.bicycle import (
     reduced_inertia,
     ride,
     smooth,
+    with_usual_rider,
 )
 from tests.rigs.bicycles import instant, text_bicycle
 
@@ -235,6 +236,17 @@ def test_a_rider_who_cannot_be_a_part_of_body_3_is_named():
     # 40 of 85 kg at 1.1 m, 0.54 m above the whole: 9.2 - 1.9 - 40 * 85 / 45 * 0.54**2
     assert said.startswith("rider: ")
     assert "-15 kg·m²" in said
+
+
+def test_a_usual_rider_is_one_that_the_frame_can_carry():
+    bicycle = load_bicycle("bicycle")
+    assert with_usual_rider(bicycle) is None  # it has one
+    bare = bicycle.model_copy(update={"rider": bicycle.rider.model_copy(update={"mass": 0.0})})
+    ridden = with_usual_rider(bare)
+    assert ridden is not None
+    assert ridden.rider.mass == pytest.approx(0.47 * 85.0, abs=0.1)
+    assert impossible_bodies(ridden) == []
+    assert with_usual_rider(load_bicycle("bicycle_delft")) is None  # nobody rides it
 
 
 def test_conditioning_has_no_delay_and_half_gain_at_its_cutoff():

@@ -239,6 +239,25 @@ def test_a_ride_without_imu_and_rider_cannot_be_judged(healthy):
         locate_rides([without_imu(healthy)], alone)
 
 
+def test_a_rider_of_whom_the_file_says_nothing_is_asked_where_nothing_else_explains(healthy):
+    """The lean torque of a ride without a rider is no equation to be judged by, and none that is found."""
+    bare = NOMINAL.model_copy(update={"rider": NOMINAL.rider.model_copy(update={"mass": 0.0})})
+    told = diagnose_rides([healthy], bare)
+    assert told.verdict == "no_gap"
+    assert LEAN_TORQUE not in [s.signal for s in told.located.signals]
+    found = diagnose_rides([ridden(short(), 24, RIDER), ridden(short(), 25, RIDER)], bare)
+    assert [(x.effect, x.location) for x in found.effects] == [("rider_motion", "bicycle")]
+    assert any(f.subject == "rider" and "is assumed" in f.text for f in found.located.findings)
+
+
+def test_a_road_that_is_as_level_as_roads_are_is_no_gap(healthy):
+    """A rise and fall of three in a thousand over some tens of metres."""
+    told = healthy.table["imu.accel_x"]
+    rise = 0.003 * np.sqrt(2.0) * np.sin(2 * np.pi * 0.09 * healthy.table["t"])
+    hilly = replace(healthy, table=healthy.table.assign(**{"imu.accel_x": told + 9.81 * rise}))
+    assert diagnose_rides([hilly], NOMINAL).verdict == "no_gap"
+
+
 @pytest.mark.parametrize(
     ("effect", "location", "name", "value"),
     [

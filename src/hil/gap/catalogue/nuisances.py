@@ -50,8 +50,8 @@ CRYSTALS: Final = 3e-5
 """s/s: what the clocks of healthy drives and hosts differ by: crystals are within 20 ppm, two of them within
 30 most likely [R]. No nuisance: what differs by no more is no finding."""
 RATE: Final = ".clock_drift.rate"
-WOBBLE_M: Final = 3e-6
-"""Amplitude of a lead error that any screw has in each turn [R]."""
+WOBBLE_M: Final = 6e-6
+"""Amplitude of a lead error that any screw has in each turn, rolled ones too [R]."""
 DRIFT: Final = 0.25
 """Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
 SWITCHED_ON: Final = 1.0

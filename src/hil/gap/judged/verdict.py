@@ -120,7 +120,7 @@ def answer(
     if _is_usual(first) and is_large and by_share(share, gain) > 0.5:
         return replace(_nothing_like_it(located, held_out), not_excited=not_excited(c, bank))
     if _is_usual(first):
-        sentence = "No gap but clocks within 30 ppm and screws within 3 µm, as any are."
+        sentence = "No gap but clocks within 30 ppm and screws within 6 µm, as any are."
         found = replace(no_gap(located, held_out), sentence=sentence)
         return replace(found, not_excited=not_excited(c, bank))
     part = unseen(first)
