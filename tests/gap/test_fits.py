@@ -7,7 +7,7 @@ import pytest
 
 from hil.gap.catalogue.nuisances import default_nuisances
 from hil.gap.fits.fit import _as_moved, _is_stuck
-from hil.gap.fits.friction import is_itself
+from hil.gap.fits.friction import is_equal, is_itself
 from hil.gap.fits.heldout import split
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.judged.doubt import is_beyond
@@ -71,13 +71,12 @@ def test_friction_that_goes_one_way_and_grows_the_other_is_a_constant_force(
     assert is_itself(c, f) is is_friction
 
 
-@pytest.mark.parametrize(("negative", "is_asymmetric"), [(59.5, False), (57.0, True)])
-def test_friction_that_is_equal_in_both_directions_is_not_asymmetric(
-    negative: float, is_asymmetric: bool
-):
-    c = SimpleNamespace(problem=SimpleNamespace(rig=AXIS))
-    f = fit_of("asymmetric_friction", {"positive": 59.6, "negative": negative})
-    assert is_itself(c, f) is is_asymmetric
+@pytest.mark.parametrize(("negative", "are_equal"), [(59.5, True), (57.0, False)])
+def test_friction_that_is_equal_in_both_directions_is_plain(negative: float, are_equal: bool):
+    assert (
+        is_equal(fit_of("asymmetric_friction", {"positive": 59.6, "negative": negative}))
+        is are_equal
+    )
 
 
 def test_an_effect_all_of_whose_parameters_are_at_their_bounds_is_beyond_any_rig():

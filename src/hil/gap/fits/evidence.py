@@ -21,7 +21,7 @@ from hil.gap.catalogue.bank import ABSOLUTE
 from hil.gap.catalogue.nature import MOMENTS
 from hil.gap.fits.fit import step_size
 from hil.gap.fits.fitted import Calibrated, Fit, loss
-from hil.gap.fits.friction import nested
+from hil.gap.fits.friction import is_equal, nested
 from hil.gap.fits.shares import RARE, largest_ratio
 from hil.gap.located.result import RATIO
 
@@ -134,9 +134,14 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
                 worth_of[k] = max(worth_of[k], worth_of[head] - ODDS * (1 + more))
     # How much both explain is no reason for a law whose further freedom nothing asks for.
     for j, k in itertools.permutations(np.flatnonzero(real).tolist(), 2):
-        is_more = several[k] == several[j] and names[k] > names[j] and logs[k] < logs[j]
-        if is_more and nested(fits[j].leaves, fits[k].leaves):
+        if several[k] != several[j] or names[k] <= names[j]:
+            continue
+        if not nested(fits[j].leaves, fits[k].leaves):
+            continue
+        if logs[k] < logs[j]:
             worth_of[k] = min(worth_of[k], worth_of[j] - float(logs[j] - logs[k]))
+        if is_equal(fits[k]):
+            worth_of[k] = min(worth_of[k], worth_of[j] - ODDS)
     # Which effect it is comes first, all alike; each of its places has a share of that.
     worth_of -= [sum(math.log(leaf.places) for leaf in f.leaves) for f in fits]
     worth_of = np.where(real, worth_of, -np.inf if real.any() else 0.0)

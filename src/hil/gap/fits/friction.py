@@ -71,10 +71,21 @@ def nested(a: Sequence[Leaf], b: Sequence[Leaf]) -> bool:
     return len({x.location for x in apart}) == 1 and all(x.effect in FRICTION for x in apart)
 
 
+def is_equal(f: Fit) -> bool:
+    """Whether asymmetric friction of a fit is plain friction: EQUAL in both directions."""
+    value = _values(f)
+    sides = [
+        [value.get(n, 0.0) for n in x.parameters]
+        for x in f.leaves
+        if x.effect == "asymmetric_friction"
+    ]
+    return any(abs(a - b) < EQUAL * abs(a + b) for a, b in sides)
+
+
 def is_itself(c: Calibrated, f: Fit) -> bool:
     """Whether no effect of a fit has gone where it is another one: a hysteresis as narrow as BRISTLES_M or a
-    Stribeck curve that rises from rest is plain friction, as is friction EQUAL in both directions, and what
-    nearly goes one way and grows the other a constant force; and no friction drives, whatever law it has."""
+    Stribeck curve that rises from rest is plain friction, friction that nearly goes one way and grows
+    the other a constant force; and no friction drives, whatever law it has."""
     value = _values(f)
     own = {a.name: a.coulomb for a in c.problem.rig.actuators}
     if any(map(_is_narrow, value.items())) or _drives(value, own):
@@ -87,8 +98,6 @@ def is_itself(c: Calibrated, f: Fit) -> bool:
         if leaf.effect == "asymmetric_friction":
             less, more = sorted(value.get(n, 0.0) for n in leaf.parameters)
             if more > 0.0 and less < -NEARLY_ALL * own[leaf.location]:
-                return False
-            if more - less < EQUAL * abs(more + less):
                 return False
     return True
 
