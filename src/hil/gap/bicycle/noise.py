@@ -51,10 +51,6 @@ SWAY: Final = 1.2
 """N m of lean torque that a healthy rider's breathing and pedalling make, rms [R]: of an upper body of 40 kg
 six tenths of a degree."""
 SWAY_S: Final = 0.4
-SLOPE: Final = 0.003
-"""Of a road that is called level: what it rises and falls, rms [R: drainage alone asks for more]."""
-SLOPE_M: Final = 15.0
-SLOWEST_M_S: Final = 1.0
 SHARE: Final = 0.3
 """Of a gap's size, that a model of it may be off by."""
 MASS: Final = 0.006
@@ -93,10 +89,8 @@ def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) ->
             if x.signal == LEAN_TORQUE:
                 twin = problem.twins[x.stretch]
                 count = len(twin.recorded.angles)
-                sway = SWAY * _slow(rng, count, SWAY_S / twin.recorded.dt_s)
-                row[x.part] += twin.filtered(sway)[twin.judged]
-            if x.signal == "imu.accel_x":
-                row[x.part] += _slopes(rng, problem.twins[x.stretch])
+                sway = twin.filtered(_sway(rng, count, twin.recorded.dt_s))
+                row[x.part] += sway[twin.judged]
     text = (
         "noise model: noise and rounding of lean, wheel and steer through the ride's equations, and the "
         f"IMU's own, all through the ride's low-pass; {DRAWS} draws; as large as the records show it between "
@@ -297,19 +291,12 @@ def _rise(hz: Array, power: Array, corners_hz: Sequence[float]) -> float:
     return max(at / float(np.median(level[quiet])), 1.0)
 
 
-def _slopes(rng: np.random.Generator, twin: RideTwin) -> Array:
-    """(M,) what gravity adds along a bicycle where roads rise and fall as level ones do, m/s²."""
-    width = SLOPE_M / max(float(np.median(twin.speed())), SLOWEST_M_S) / twin.recorded.dt_s
-    rise = SLOPE * _slow(rng, len(twin.recorded.angles), width)
-    return np.asarray(twin.rig.mass.gravity * rise[twin.judged])
-
-
-def _slow(rng: np.random.Generator, count: int, width: float) -> Array:
-    """(N,) noise of spread 1 that changes over `width` samples."""
-    near = max(round(width), 1)
-    window = np.hanning(2 * near + 1)
-    noise = np.convolve(rng.standard_normal(count + 2 * near), window, "valid")
-    return np.asarray(noise / np.sqrt(np.sum(window**2)))
+def _sway(rng: np.random.Generator, count: int, dt_s: float) -> Array:
+    """(N,) lean torque of a rider who sits as still as riders do, N m."""
+    width = max(round(SWAY_S / dt_s), 1)
+    window = np.hanning(2 * width + 1)
+    noise = np.convolve(rng.standard_normal(count + 2 * width), window, "valid")
+    return np.asarray(SWAY * noise / np.sqrt(np.sum(window**2)))
 
 
 def _said(louder: Iterable[Mapping[str, float]]) -> str:

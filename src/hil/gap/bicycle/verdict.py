@@ -68,10 +68,12 @@ AS_MUCH: Final = 1.15
 UNSAID: Final = 1.38
 """Floors, tolerances among them, from which on a signal is off although no candidate explains it: how well a
 record tells its own noise, twice over [set on training cases]."""
-RESTLESS: Final = {LEAN_TORQUE: 1.6, "imu.gyro_x": 1.6}
+RESTLESS: Final = {LEAN_TORQUE: 1.6, "imu.gyro_x": 1.6, "imu.accel_x": 1.8}
 """The same of the lean torque, for how still riders sit differs more than how loud sensors are, and of the
 roll rate, which is held against the slope of lean: what an inclinometer errs by slowly shows where riders
-lean, and no quiet band tells it [set on healthy rides of three worlds of others, 1.47 at most]."""
+lean, and no quiet band tells it [set on healthy rides of three worlds of others, 1.47 at most]; and of the
+acceleration along, for roads rise and fall by a few in a thousand [1.7 in a world whose roads do]. No floor
+has that in: there it would hide what tells tyres from a fork."""
 
 
 def twins(best: Fit) -> list[tuple[float, str]]:
