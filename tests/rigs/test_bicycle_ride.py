@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import KinematicsError
 from hil.rigs.bicycle import (
@@ -241,8 +242,9 @@ def test_a_rider_who_cannot_be_a_part_of_body_3_is_named():
 def test_a_usual_rider_is_one_that_the_frame_can_carry():
     bicycle = load_bicycle("bicycle")
     assert with_usual_rider(bicycle) is None  # it has one
-    bare = bicycle.model_copy(update={"rider": bicycle.rider.model_copy(update={"mass": 0.0})})
-    ridden = with_usual_rider(bare)
+    stiff = bicycle.model_copy(update={"rider": bicycle.rider.model_copy(update={"mass": 0.0})})
+    assert with_usual_rider(stiff) is None  # its file says that he never leans
+    ridden = with_usual_rider(BicycleFile.model_validate(bicycle.model_dump(exclude={"rider"})))
     assert ridden is not None
     assert ridden.rider.mass == pytest.approx(0.47 * 85.0, abs=0.1)
     assert impossible_bodies(ridden) == []

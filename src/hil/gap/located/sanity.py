@@ -62,7 +62,7 @@ def fewer(every: int) -> Finding:
     """Said of a record of which one answer in `every` is judged."""
     return Finding(
         "info", "drives",
-        f"answers come so often that one in {every} of each signal is judged; the others would tell no more",
+        f"answers come so often that one in {every} of each signal is judged, for each costs time",
     )  # fmt: skip
 
 

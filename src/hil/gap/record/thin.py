@@ -1,4 +1,4 @@
-"""Records of fast buses: every so many answers of a drive, for more tell nothing that these do not.
+"""Records of fast buses: every so many answers of a drive.
 
 Samples are instants at which twin and record are compared, and the twin answers any instant; nothing is
 filtered, so nothing folds down. Beyond some samples the small ways in which a twin is wrong count and not

@@ -36,9 +36,10 @@ def impossible_rider(rig: BicycleFile) -> str | None:
 
 
 def with_usual_rider(rig: BicycleFile) -> BicycleFile | None:
-    """`rig`, whose file says nothing of a rider, with one of usual size; None where nobody rides it."""
+    """`rig`, whose file says nothing of a rider, with one of usual size; None where it says something, be it
+    that he never leans, or nobody rides it."""
     frame, (x, y, z) = rig.mass.m[1], rig.mass.G3
-    if rig.rider.mass > 0.0 or frame < RIDDEN_KG:
+    if "rider" in rig.model_fields_set or frame < RIDDEN_KG:
         return None
     mass = round(UPPER * frame, 1)
     rider = Rider(
