@@ -6,6 +6,7 @@ The twin makes the data here, so this shows that the machinery works, not how we
 
 from dataclasses import replace
 from html import escape
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,8 @@ from hil.errors import IdentificationError, RunError
 from hil.gap import diagnose, locate
 from hil.gap.catalogue.leaves import find_leaves
 from hil.gap.catalogue.nuisances import DELAY_S
+from hil.gap.catalogue.sprung import BEND_HZ, SOFTER_HZ
+from hil.gap.diagnose import _is_springs
 from hil.gap.fits.training import candidates_of
 from hil.gap.floor.rounding import step_of
 from hil.gap.judged.causes import _parameters
@@ -286,3 +289,21 @@ def test_an_interval_holds_what_a_healthy_rig_has_of_the_same(friction):
         fit = replace(friction.best, **told)
         low, high = _parameters(replace(c, nuisances=nuisances), fit, leaf, 1.0)["delay"].ci
         assert 0.5 * (high - low) == pytest.approx(half_s, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "effects", "bend_hz", "is_better", "stands"),
+    [
+        ("no_gap", (), BEND_HZ, False, True),
+        ("no_gap", (), SOFTER_HZ, True, False),  # so soft a screw is a finding
+        ("identified", ("force_constant",), SOFTER_HZ, True, True),
+        ("identified", ("force_constant",), SOFTER_HZ, False, False),
+        ("identified", ("loop_gain",), BEND_HZ, True, False),
+        ("unknown", (), BEND_HZ, True, False),
+    ],
+)
+def test_a_twin_on_springs_is_believed_where_it_needs_none_or_names_another(
+    verdict: str, effects: tuple[str, ...], bend_hz: float, is_better: bool, stands: bool
+):
+    told = SimpleNamespace(verdict=verdict, effects=[SimpleNamespace(effect=x) for x in effects])
+    assert _is_springs(told, bend_hz, is_better=is_better) is stands

@@ -140,8 +140,7 @@ def consider(
         other, _ = _considered(soft, nuisances, without, seed, say, parts)
         told = other.answer(seed)
         is_better = explains_better(mine.calibrated, mine.fits, other.fits)
-        is_other = is_better and bool(told.effects) and not _is_springy(told)
-        if is_other or (bend_hz == BEND_HZ and told.verdict == "no_gap"):
+        if _is_springs(told, bend_hz, is_better=is_better):
             mine, springs = other, _springs_found(bend_hz)
         if springs is not None or not is_better:
             break
@@ -198,6 +197,14 @@ def _may_be_springs(found: Considered, seed: int) -> bool:
     if told.verdict == "no_gap":
         return False
     return not found.is_large or _is_springy(told)
+
+
+def _is_springs(told: Diagnosis, bend_hz: float, *, is_better: bool) -> bool:
+    """Whether the verdict of a twin on springs stands for that of the stiff one: on usual ones no gap is,
+    or it explains better than the stiff one and names what is no spring."""
+    if told.verdict == "no_gap":
+        return bend_hz == BEND_HZ
+    return is_better and bool(told.effects) and not _is_springy(told)
 
 
 def _is_springy(told: Diagnosis) -> bool:
