@@ -277,6 +277,15 @@ def test_what_no_calibration_sets_right_and_what_no_small_step_shows_is_named(
     assert found.effects[0].parameters[name].value == pytest.approx(value, rel=0.2)
 
 
+def test_what_an_exact_effect_explains_is_counted_above_what_the_sensors_tell():
+    """A healthy bicycle's tolerances reach as far as this wheel at moments; whatever stands above noise goes
+    with it."""
+    run = ridden(short(), 22, ("wheel_radius", "rear_wheel", {"scale": 0.97}))
+    found = diagnose_rides([run], NOMINAL)
+    assert [(x.effect, x.location) for x in found.effects] == [("wheel_radius", "rear_wheel")]
+    assert found.effects[0].parameters["scale"].value == pytest.approx(0.97, abs=0.003)
+
+
 @pytest.mark.parametrize("seed", [25, 27])
 def test_clocks_that_part_are_not_claimed_to_be_a_latency_where_they_may_not_be_named(seed):
     """A delay explains most of what grows from nothing to twice it, and a true one would explain all."""

@@ -154,7 +154,7 @@ def _explained(
             signals=tuple(replace(s, noise_floor=floors[s.signal]) for s in located.signals),
             evidence=replace(e, noise=counted),
         )
-        found = _weighed(asked, chosen, steps, without, seed, say)
+        found = _weighed(asked, floor, chosen, steps, without, seed, say)
         return found if found.verdict != "no_gap" else unsaid(found), counted
 
     found, counted = explained_with(floor)
@@ -172,13 +172,15 @@ def _explained(
 
 def _weighed(
     located: Located,
+    measured: NoiseModel,
     chosen: Sequence[Nuisance],
     steps: Mapping[str, float],
     without: Collection[str],
     seed: int,
     say: Callable[[str], None],
 ) -> Diagnosis:
-    """As `hil.gap.diagnose.consider` and a verdict, with the sets that rides ask for."""
+    """As `hil.gap.diagnose.consider` and a verdict, with the sets that rides ask for; `measured`: the floor
+    without the tolerances that `located` counts with."""
     e = located.evidence
     parts = split(e.problem, e.noise, e.residual)
     c, none = begin(e, parts, chosen, {}, seed)
@@ -191,7 +193,9 @@ def _weighed(
 
     def answered(some: Sequence[Fit]) -> Diagnosis:
         every = [none, *some]
-        told = by_energy(answer(located, c, every, bank, held, parts.text, seed, is_large))
+        told = by_energy(
+            answer(located, c, every, bank, held, parts.text, seed, is_large), measured
+        )
         if told.verdict != "unknown" or is_large or not told.causes:
             return told
         return replace(no_gap(located, parts.text), not_excited=told.not_excited)

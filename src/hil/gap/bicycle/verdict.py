@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -11,6 +12,7 @@ import numpy as np
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Score, score
+from hil.gap.floor.noise import NoiseModel
 from hil.gap.judged.clear import asked, other_than_steps
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.doubt import BORNE_OUT, STANDS, chance, least_explained
@@ -112,32 +114,19 @@ def unsaid(found: Diagnosis) -> Diagnosis:
     return replace(found, verdict="unknown", sentence=sentence, unknown=1.0)
 
 
-def by_energy(found: Diagnosis) -> Diagnosis:
+def by_energy(found: Diagnosis, measured: NoiseModel) -> Diagnosis:
     """The same with the chance of an unknown cause by the share of the gap's energy on the training data.
 
     A ride's gap stands in few seconds, tens of floors high; evidence counts in nats, in which those few
-    seconds are little. What is left of the energy says whether a cause is missing.
+    seconds are little. What is left of the energy says whether a cause is missing. `measured` is the floor
+    without tolerances: an effect that has no form to differ in explains all that stands above that one,
+    however much of it a healthy bicycle might have too.
     """
     c, none, best = found.calibrated, found.none, found.best
     if c is None or none is None or best is None or not found.causes:
         return found
-    floors = c.noise.floor(c.problem)
-    energy: dict[str, list[float]] = {}
-    for x in c.problem.series:
-        rows = c.problem.kept[x.part]
-        sums = energy.setdefault(x.signal, [0.0, 0.0, 0.0])
-        sums[0] += float(np.sum(none.residual[x.part][rows] ** 2)) / floors[x.signal] ** 2
-        sums[1] += float(np.sum(best.residual[x.part][rows] ** 2)) / floors[x.signal] ** 2
-        sums[2] += float(rows.sum())
     is_sure = found.causes[0].gain > asked(c).decisive
-    was, left = 0.0, 0.0
-    for before, after, n in energy.values():
-        noise = (
-            min(after / n, 1.0) if is_sure else 1.0
-        )  # what is beyond doubt leaves nothing but noise
-        was += max(before / n - noise, 0.0)
-        left += max(after / n - noise, 0.0)
-    share = 1.0 - left / max(was, 1e-9)
+    share = _explained(c, none, best, is_sure)
     unseen = found.score
     worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
     if unseen is not None and leaves_as_much(c, best, unseen):
@@ -148,7 +137,8 @@ def by_energy(found: Diagnosis) -> Diagnosis:
     usual = SPRUNG_EXPLAINED if is_sprung else EXPLAINED
     unknown = chance(share, least_explained(worth, usual), least) if others else least
     if len(others) == 1 and others[0].effect in EXACT:
-        unknown = max(unknown, float(np.interp(share, WHOLLY[0], (WHOLLY[1], least))))
+        wholly = max(share, _wholly(c, measured, none, best, is_sure))
+        unknown = max(unknown, float(np.interp(wholly, WHOLLY[0], (WHOLLY[1], least))))
     if others and worth is not None and worth < (HOLDS if len(others) == 1 else SEVERAL_HOLD):
         unknown = max(unknown, 0.9)  # unseen data do not bear it out
     factor = (1.0 - unknown) / max(1.0 - found.unknown, 1e-12)
@@ -173,3 +163,33 @@ def by_energy(found: Diagnosis) -> Diagnosis:
         effects=chosen if verdict != "unknown" else (),
         unknown=unknown,
     )
+
+
+def _explained(c: Calibrated, none: Fit, best: Fit, is_sure: bool) -> float:
+    """Share of the energy above the floor, tolerances and moments and all, that `best` explains."""
+    floors = c.noise.floor(c.problem)
+    before, after = (c.noise.rms(c.problem, f.residual) for f in (none, best))
+    return _share(floors, before, after, is_sure)
+
+
+def _wholly(c: Calibrated, measured: NoiseModel, none: Fit, best: Fit, is_sure: bool) -> float:
+    """The same above the floor `measured`, each sample by its noise."""
+    floors = measured.weighted_rms(c.problem, measured.draws)
+    before, after = (measured.weighted_rms(c.problem, f.residual) for f in (none, best))
+    return _share(floors, before, after, is_sure)
+
+
+def _share(
+    floors: Mapping[str, float],
+    before: Mapping[str, float],
+    after: Mapping[str, float],
+    is_sure: bool,
+) -> float:
+    """Share of what stands above `floors` before that does not after, by signal root mean squares."""
+    was, left = 0.0, 0.0
+    for s, floor in floors.items():
+        # What is beyond doubt leaves nothing but noise.
+        least = min((after[s] / floor) ** 2, 1.0) if is_sure else 1.0
+        was += max((before[s] / floor) ** 2 - least, 0.0)
+        left += max((after[s] / floor) ** 2 - least, 0.0)
+    return 1.0 - left / max(was, 1e-9)
