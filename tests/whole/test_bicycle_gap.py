@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil.bicycle.path import slalom
+from hil.bicycle.path import slalom, u_turns
 from hil.bicycle.recorded import prepare
 from hil.bicycle.simulated import simulate_ride
 from hil.config import BicycleFile
@@ -71,18 +71,22 @@ def test_coarse_steps_of_a_signal_are_read_from_its_values(signal, step):
     assert all(x.effect != "sensor_quantisation" for x in hidden.causes)
 
 
+def slipping(table, per_accel):
+    """What a steer tells where tyres slip by so many rad for each m/s² across."""
+    rolled = table["rear_wheel"].dropna()
+    stamps = table["t"][rolled.index]
+    speed = NOMINAL.geometry.R * np.gradient(rolled.to_numpy(), stamps.to_numpy())
+    speed = np.interp(table["t"], stamps, np.convolve(speed, np.ones(50) / 50.0, "same"))
+    return table.assign(
+        steer=table["steer"] + per_accel * speed * table["imu.gyro_z"].interpolate().bfill()
+    )
+
+
 def test_tyres_that_give_way_in_curves_as_hard_ones_do_are_no_gap():
     """Half a milliradian for each m/s² across: a steer angle that is told so much too large."""
-
-    def slipping(table):
-        rolled = table["rear_wheel"].dropna()
-        speed = NOMINAL.geometry.R * (rolled.max() - rolled.min()) / np.ptp(table["t"])
-        return table.assign(
-            steer=table["steer"] * (1.0 + 5e-4 * speed**2 / NOMINAL.geometry.wheelbase)
-        )
-
     ride = simulate_ride(NOMINAL, short(), 24)
-    assert diagnose_rides([run_of(ride, slipping)], NOMINAL).verdict == "no_gap"
+    found = diagnose_rides([run_of(ride, lambda table: slipping(table, 5e-4))], NOMINAL)
+    assert found.verdict == "no_gap", found.sentence
 
 
 @pytest.mark.parametrize(("stiffness", "effects"), [(2.5e5, []), (7e4, ["tyre_compliance"])])
@@ -127,6 +131,27 @@ def test_a_steer_that_is_told_too_large_may_be_tyres_and_one_too_small_is_its_sc
     found = diagnose_rides([told(0.9)], NOMINAL)
     assert found.verdict == "identified"
     assert (found.causes[0].effect, found.causes[0].location) == ("sensor_scale", "steer")
+
+
+@pytest.fixture(scope="module")
+def slow_and_fast():
+    return [
+        simulate_ride(NOMINAL, slalom(60.0, 14.0, 6.0), 24, cruise=2.5, turning=2.5),
+        simulate_ride(NOMINAL, slalom(120.0, 30.0, 20.0), 25, cruise=7.0, turning=7.0),
+        simulate_ride(NOMINAL, u_turns(), 26),
+    ]
+
+
+def test_rides_of_several_speeds_tell_a_steer_s_scale_from_tyres(slow_and_fast):
+    def diagnosed(spoil):
+        rides = [run_of(ride, spoil) for ride in slow_and_fast]
+        return diagnose_rides([replace(r, path=Path(f"{k}")) for k, r in enumerate(rides)], NOMINAL)
+
+    found = diagnosed(lambda table: table.assign(steer=table["steer"] * 1.2))
+    assert found.verdict == "identified", found.sentence
+    assert [(x.effect, x.location) for x in found.effects] == [("sensor_scale", "steer")]
+    found = diagnosed(lambda table: slipping(table, 0.012))
+    assert found.verdict == "unknown", found.sentence
 
 
 def test_no_filter_looks_like_an_effect_however_lively_the_ride():

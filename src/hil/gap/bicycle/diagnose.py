@@ -279,7 +279,7 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
     part, sentence = again(best, found.score.signals), found.sentence
     if effects:
         _, sentence = judge(effects, causes, found.unknown, part.shrink)
-        others = sorted({text for _, text in twins(best)})
+        others = sorted({text for _, text in twins(c, none, best)})
         sentence += "".join(f" On a ride {x} would look the same." for x in others)
     return replace(
         found,

@@ -19,6 +19,7 @@ from hil.bicycle.sensors import IMU_SIGNALS, noise_of
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle.leaves import SCALE
 from hil.gap.bicycle.problem import RideProblem
+from hil.gap.bicycle.sideslip import slipped
 from hil.gap.bicycle.twin import LEAN_TORQUE, RideTwin
 from hil.gap.floor.differences import SPIKE
 from hil.gap.floor.noise import NoiseModel, autoregression, projected
@@ -198,7 +199,10 @@ def with_tolerances(
         for twin in problem.twins:
             own = np.random.default_rng(seed)
             built = replace(twin, bicycle=_built(twin.bicycle, own))
-            right, wrong = twin.answer(values), built.answer(told, _slipped(twin, values, own))
+            right, wrong = (
+                twin.answer(values),
+                built.answer(told, slipped(twin, values, SLIP * own.standard_normal())),
+            )
             parts += [EDGE * (wrong[s] - right[s]) for s in twin.signals]
         off[d] = np.concatenate(parts)
     off = np.where(np.isfinite(off), off, 0.0)
@@ -221,13 +225,6 @@ def _built(nominal: Packed, rng: np.random.Generator) -> Packed:
     extra[1] *= 1.0 + 10.0 * MASS * rng.standard_normal()
     extra[2:] += PLACE_M * rng.standard_normal(3)
     return Packed(p, body, extra, nominal.sensor, nominal.encoder_on_frame)
-
-
-def _slipped(twin: RideTwin, values: Mapping[str, float], rng: np.random.Generator) -> Array:
-    """(N, 3) the ride's angles, steered by what its tyres, fork and frame give way in its curves."""
-    motion, out = twin.motion(values), twin.recorded.angles.copy()
-    out[:, 2] += SLIP * rng.standard_normal() * motion.speed * motion.qd[:, 2]
-    return out
 
 
 def _mounted(values: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:

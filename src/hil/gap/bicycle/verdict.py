@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from hil.gap.bicycle.sideslip import SCALE, is_no_slip
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Score, score
@@ -53,10 +53,11 @@ TWINS: Final = {
 }
 """The same of effects that something outside the catalogue looks like on any ride, and what that is: a
 bracket that bends pitches the IMU when the fork would dive and turns gravity into its axes in proportion to
-what they feel, tyres that slip sideways turn a bicycle less than its steer angle says, as a scale above 1
-of that does, and an inclinometer that feels curves tells less of the lean that they need [set on used-up
-exams and rides of another world: about half of these that were named were not there, most of them for such a
-thing; of eight scales of the steer above 1, six were tyres]."""
+what they feel, tyres that slip sideways turn a bicycle less than its steer angle says, as a scale above 1 of
+that does where rides of one speed do not tell them apart (`is_no_slip`), and an inclinometer that feels
+curves tells less of the lean that they need [set on used-up exams and rides of another world: about half of
+these that were named were not there, most of them for such a thing; of eight scales of the steer above 1, six
+were tyres]."""
 OF_SETS: Final = 0.3
 """The same at most for sets, whose other effects would stand all the same."""
 SLIGHT: Final = 0.1
@@ -78,14 +79,14 @@ acceleration along, for roads rise and fall by a few in a thousand [1.7 in a wor
 has that in: there it would hide what tells tyres from a fork."""
 
 
-def twins(best: Fit) -> list[tuple[float, str]]:
+def twins(c: Calibrated, none: Fit, best: Fit) -> list[tuple[float, str]]:
     """Of effects of a fit that something outside the catalogue looks like, its chance and its name."""
-    value = dict(zip(best.names, best.values.tolist(), strict=True))
-    turns_more = value.get("steer.sensor_scale.scale", math.inf) < 1.0
+    value = dict(zip(best.names, best.values.tolist(), strict=True)).get(SCALE)
+    is_steer = value is not None and (value < 1.0 or is_no_slip(c, none, best))
     most = 1.0 if len(best.leaves) == 1 else OF_SETS
     return [
         (min(TWINS[x.name][0], most), TWINS[x.name][1]) for x in best.leaves
-        if x.name in TWINS and not (x.name == "steer.sensor_scale" and turns_more)
+        if x.name in TWINS and not (x.name == "steer.sensor_scale" and is_steer)
     ]  # fmt: skip
 
 
@@ -131,7 +132,7 @@ def by_energy(found: Diagnosis, measured: NoiseModel) -> Diagnosis:
     worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
     if unseen is not None and leaves_as_much(c, best, unseen):
         worth = None if worth is None or worth < BORNE_OUT[0] else worth
-    least, twin = max([(OTHERWISE, ""), *twins(best)])
+    least, twin = max([(OTHERWISE, ""), *twins(c, none, best)])
     others = other_than_steps(best)
     is_sprung = len(others) == 1 and others[0].effect in SPRUNG
     usual = SPRUNG_EXPLAINED if is_sprung else EXPLAINED

@@ -1,0 +1,80 @@
+"""Tyres that slip sideways beside a steer that is told too large: both turn less than they say.
+
+A scale takes the same share of every steer angle; tyres take what they bear across, which grows with the
+square of speed. Rides at one speed do not tell the two apart, others do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.bicycle.problem import RideProblem
+from hil.gap.bicycle.twin import RideTwin
+from hil.gap.fits.fit import sensitivities
+from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of, weight
+
+Array = NDArray[np.float64]
+
+SCALE: Final = "steer.sensor_scale.scale"
+SMALL: Final = 1e-3
+"""rad for each m/s² across, for differences: about what hard tyres have."""
+TURNS: Final = 4
+"""Reweighted steps that make the tyres' fit robust."""
+LEFT: Final = 0.04
+"""Of what the scale takes off, by which tyres must leave more: no form of theirs is known better [set on
+rides of two worlds: of three with such tyres none leave more than with a scale, one with a scale 0.075]."""
+NATS: Final = 20.0
+"""By which they must explain less besides, of samples that count as TEMPER ones."""
+TEMPER: Final = 4.0
+
+
+def slipped(twin: RideTwin, values: Mapping[str, float], per_accel: float) -> Array:
+    """(N, 3) the ride's angles, the steer less by `per_accel` (rad per m/s²) of what is felt across."""
+    motion, out = twin.motion(values), twin.recorded.angles.copy()
+    out[:, 2] += per_accel * motion.speed * motion.qd[:, 2]
+    return out
+
+
+def is_no_slip(c: Calibrated, none: Fit, best: Fit) -> bool:
+    """Whether tyres in place of the scale of the steer in `best` would leave much of what it explains.
+
+    In the linear picture at the fit: the scale goes back to 1, and tyres and nuisances take what they can.
+    """
+    assert isinstance(c.problem, RideProblem)
+    scale = dict(zip(best.names, best.values.tolist(), strict=True))[SCALE]
+    answer = c.problem.measured - best.residual
+    back = sensitivities(c, best.vector, answer, [SCALE])[:, 0]
+    moved = c.problem.table[SCALE]
+    back = back * (moved.to_search(1.0) - moved.to_search(scale))
+    free = np.column_stack([_column(c, best), c.jacobian])[c.train]
+    rest = (best.white - back)[c.train]
+    prior = np.eye(free.shape[1])
+    prior[0, 0] = 0.0
+    here = np.concatenate([[0.0], best.z])
+    spread = spread_of(c, best.white)
+    step = np.zeros(free.shape[1])
+    for _ in range(TURNS):
+        w = weight((rest - free @ step) / spread)[:, None]
+        H = free.T @ (w * free) + spread**2 * prior
+        step = np.linalg.solve(H, free.T @ (w[:, 0] * rest) - spread**2 * prior @ here)
+    left = float(np.sum(loss((rest - free @ step) / spread)))
+    told = float(np.sum(loss(best.white[c.train] / spread)))
+    was = float(np.sum(loss(none.white[c.train] / spread)))
+    return left - told > max(LEFT * (was - told), TEMPER * NATS)
+
+
+def _column(c: Calibrated, best: Fit) -> Array:
+    """(N,) whitened change of the answer where tyres slip, for SMALL of it."""
+    problem = c.problem
+    assert isinstance(problem, RideProblem)
+    values = problem.values(best.vector)
+    parts = []
+    for twin in problem.twins:
+        right, wrong = twin.answer(values), twin.answer(values, slipped(twin, values, SMALL))
+        parts += [wrong[s] - right[s] for s in twin.signals]
+    change = np.concatenate(parts)
+    return np.asarray(c.noise.whiten(problem, np.where(np.isfinite(change), change, 0.0)))
