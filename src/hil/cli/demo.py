@@ -156,6 +156,7 @@ class Cast:
     def play(self, ride: list[str]) -> None:
         """Arm, ride, park, disarm; Ctrl-C goes straight to parking."""
         with self._client() as client:
+            self._until_heard(client)
             view = LiveView(self._rig.name, self._rig.coordinates, self._rig.limits)
             states, events = client.states(), client.events()
             with _shown(view) as show:
@@ -186,6 +187,18 @@ class Cast:
                 if time.monotonic() > deadline_s:
                     raise
                 time.sleep(0.2)
+
+    def _until_heard(self, client: RigClient) -> None:
+        """Return once a state came: the daemon answers before its loop, the model compiled, sends any."""
+        deadline_s = time.monotonic() + START_S
+        while True:
+            try:
+                next(client.states())
+                return
+            except RigNotReached:
+                self._check()
+                if time.monotonic() > deadline_s:
+                    raise
 
     @staticmethod
     def _command(client: RigClient, name: str) -> None:
