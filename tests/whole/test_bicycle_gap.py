@@ -19,7 +19,7 @@ from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.twin import LEAN_TORQUE
-from hil.gap.bicycle.verdict import leaves_as_much, unsaid
+from hil.gap.bicycle.verdict import leaves_as_much
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.fits.heldout import Score
 from tests.bicycle.rides import run_of
@@ -280,19 +280,7 @@ def test_a_road_that_is_as_level_as_roads_are_is_no_gap(healthy):
     told = healthy.table["imu.accel_x"]
     rise = 0.003 * np.sqrt(2.0) * np.sin(2 * np.pi * 0.09 * healthy.table["t"])
     hilly = replace(healthy, table=healthy.table.assign(**{"imu.accel_x": told + 9.81 * rise}))
-    found = diagnose_rides([hilly], NOMINAL)
-    assert found.verdict == "no_gap"
-
-    def pitched(rate):
-        """The same where a quiet gyroscope's floor is 0.4 mrad/s and so much stands in it."""
-        signals = tuple(
-            replace(s, noise_floor=4e-4, before=rate) if s.signal == "imu.gyro_y" else s
-            for s in found.located.signals
-        )
-        return unsaid(replace(found, located=replace(found.located, signals=signals)))
-
-    assert pitched(9e-4).verdict == "no_gap"
-    assert pitched(2e-3).verdict == "unknown"
+    assert diagnose_rides([hilly], NOMINAL).verdict == "no_gap"
 
 
 @pytest.mark.parametrize(
