@@ -199,10 +199,8 @@ def with_tolerances(
         for twin in problem.twins:
             own = np.random.default_rng(seed)
             built = replace(twin, bicycle=_built(twin.bicycle, own))
-            right, wrong = (
-                twin.answer(values),
-                built.answer(told, slipped(twin, values, SLIP * own.standard_normal())),
-            )
+            steered = slipped(twin, values, SLIP * own.standard_normal())
+            right, wrong = twin.answer(values), built.answer(told, steered)
             parts += [EDGE * (wrong[s] - right[s]) for s in twin.signals]
         off[d] = np.concatenate(parts)
     off = np.where(np.isfinite(off), off, 0.0)

@@ -33,7 +33,7 @@ TEMPER: Final = 4.0
 
 
 def slipped(twin: RideTwin, values: Mapping[str, float], per_accel: float) -> Array:
-    """(N, 3) the ride's angles, the steer less by `per_accel` (rad per m/s²) of what is felt across."""
+    """(N, 3) the ride's angles as wheels roll that slip `per_accel` (rad per m/s²) of what is felt across."""
     motion, out = twin.motion(values), twin.recorded.angles.copy()
     out[:, 2] += per_accel * motion.speed * motion.qd[:, 2]
     return out
