@@ -134,6 +134,15 @@ def test_drives_that_were_found_to_rest_do_so_in_the_file(tmp_path):
     assert (rig.bus.interpolation, rig.effects) == ("linear_rests", ())
 
 
+def test_drives_that_were_found_to_feed_static_force_forward_do_so_in_the_file(tmp_path):
+    feeding = {"severity": "warning", "subject": "actuators.law", "text": "they feed it"}
+    said = {**answer(verdict="no_gap"), "rig": "stewart", "findings": [feeding]}
+    own = find_rig_file("stewart").read_text(encoding="utf-8")
+    text = applied_text(own, said, when="2026-02-01", source="d.json")
+    assert [a.law for a in read(text, tmp_path).actuators] == ["cascade_static"] * 6
+    assert text.count("was cascade; hil gap diagnose, run7, 2026-02-01 (d.json)") == 6
+
+
 def test_a_rider_who_was_assumed_is_written_beside_what_he_does(tmp_path):
     own = find_rig_file("bicycle").read_text(encoding="utf-8")
     start, end = own.index("[rider]"), own.index("[bus]")

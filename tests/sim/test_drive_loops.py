@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 from hil.config import RigFile
 from hil.configfile import load_rig
@@ -289,3 +290,47 @@ def test_in_mode_force_the_brake_opens_at_the_first_setpoint() -> None:
         plant.set_setpoint(i, 0.0, 0.5)
     plant.advance(0.7)
     assert plant.position(0) < 0.55
+
+
+def test_static_force_fed_forward_spares_the_integrators_a_changing_load() -> None:
+    """Slowly a cascade lags by F'/(k_i k_p) for the force that its integrator must build up."""
+    model = build_rig(load_rig("stewart"))
+    t = np.arange(0.0, 10.0, 0.01)
+    roll = 0.15 * np.sin(2 * np.pi * 0.1 * t) ** 3
+    poses = np.zeros((len(t), 6))
+    poses[:, 3] = roll
+    load = np.array([model.static_forces(q) for q in poses])
+
+    def positions(law: str) -> np.ndarray:
+        plant = Plant(frictionless("stewart", law=law))
+        plant.reset(mode="position")
+        out = []
+        for now, pose in zip(t, poses, strict=True):
+            for i, x in enumerate(model.inverse(pose)):
+                plant.set_setpoint(i, float(x), now)
+            plant.advance(now)
+            out.append([plant.position(i) for i in range(6)])
+        return np.array(out)
+
+    a = load_rig("stewart").actuators[0]
+    spared = positions("cascade_static") - positions("cascade")
+    lag = a.static_ff * np.gradient(load, t, axis=0) / (a.integral_gain * a.position_gain)
+    settles = a.speed_gain / a.integral_gain  # s
+    smooth = lfilter([1.0], [1.0 + settles / t[1], -settles / t[1]], lag, axis=0)
+    assert np.max(np.abs(lag)) > 5e-6
+    np.testing.assert_allclose(spared[100:], smooth[100:], atol=0.1 * np.max(np.abs(lag)))
+
+
+def test_a_drive_that_feeds_static_force_forward_takes_a_load_over_without_a_jump() -> None:
+    plant = Plant(frictionless("stewart", law="cascade_static"))
+    plant.reset(mode="force")
+    for i, force in enumerate(STEWART_STATIC):
+        plant.set_setpoint(i, force, 0.0)
+    plant.advance(0.05)
+    for i in range(6):
+        plant.set_mode(i, "position")
+    start = [plant.position(i) for i in range(6)]
+    plant.advance(0.06)
+    np.testing.assert_allclose([plant.position(i) for i in range(6)], start, atol=1e-5)
+    plant.advance(1.0)
+    np.testing.assert_allclose([plant.force(i) for i in range(6)], STEWART_STATIC, atol=0.5)

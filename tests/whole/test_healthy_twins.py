@@ -4,8 +4,9 @@ import math
 from dataclasses import replace
 
 from hil.gap.diagnose import diagnose
-from hil.gap.located.rests import resting_twin
+from hil.gap.located.habits import FEEDS, RESTS
 from hil.gap.record.runs import as_runs
+from tests.gap.test_habits import SWINGING
 from tests.gap.twin_runs import AXIS, effect, record
 
 QUIET = AXIS.model_copy(
@@ -17,7 +18,7 @@ COULOMB = effect("coulomb_friction", force=40.0)
 
 def resting(*effects, seed=1):
     """A record of drives that rest for a tick, their force asked for where it no longer swings."""
-    return record(*effects, rig=resting_twin(AXIS), seed=seed, asked_s=0.004)
+    return record(*effects, rig=RESTS.twin(AXIS), seed=seed, asked_s=0.004)
 
 
 def spring(stiffness):
@@ -25,8 +26,14 @@ def spring(stiffness):
     return effect("compliance", stiffness=stiffness, damping=damping)
 
 
-def is_told(answer):
-    return any(f.subject == "bus.interpolation" for f in answer.located.findings)
+def feeding(*effects):
+    """A pendulum's record, of drives that feed its static force forward though its rig file has them not."""
+    (run,) = as_runs(record(*effects, rig=FEEDS.twin(SWINGING), share=1.5), SWINGING)
+    return replace(run, rig=SWINGING)
+
+
+def is_told(answer, habit=RESTS):
+    return any(f.subject == habit.key for f in answer.located.findings)
 
 
 def named(answer):
@@ -58,6 +65,18 @@ def test_viscous_friction_is_not_taken_for_drives_that_rest():
     answer = diagnose(record(effect("viscous_friction", coefficient=900.0)), AXIS)
     assert not is_told(answer)
     assert named(answer) == [("viscous_friction", "axis")]
+
+
+def test_static_force_fed_forward_is_no_gap_and_the_reader_is_told():
+    answer = diagnose(feeding(), SWINGING)
+    assert answer.verdict == "no_gap"
+    assert is_told(answer, FEEDS)
+
+
+def test_an_effect_is_named_beside_static_force_fed_forward():
+    answer = diagnose(feeding(COULOMB), SWINGING)
+    assert is_told(answer, FEEDS)
+    assert named(answer) == [("coulomb_friction", "axis")]
 
 
 def test_a_screw_of_forty_newtons_a_micrometre_is_healthy():

@@ -14,7 +14,7 @@ from hil.cli.console import err, out
 from hil.configfile import find_rig_file, load_any_rig, parse_any_rig
 from hil.effectlines import checked
 from hil.errors import ConfigError, RunError
-from hil.gap.apply import alarms, applied_text, chosen_causes, rests
+from hil.gap.apply import alarms, applied_text, chosen_causes, habits_of
 from hil.identify.estimate.rigfile import write_rig_file
 from hil.units import with_unit
 
@@ -37,8 +37,8 @@ def apply(
     """Write the diagnosed effects into a rig file, for twin, simulated rig and feed-forward.
 
     Comments and order of the file stay; each effect says which runs it comes from, when, and how far the gap
-    shrank. A verdict of `unknown` or `ambiguous` is applied only with --pick. Drives that were found to rest
-    at setpoints rest in the file, too.
+    shrank. A verdict of `unknown` or `ambiguous` is applied only with --pick. What drives were found
+    to do unlike the rig file stands in the new one, too.
     """
     answer = _read(diagnosis)
     path = find_rig_file(rig)
@@ -61,8 +61,8 @@ def apply(
             f"{cause['effect'].replace('_', ' ')} at {cause['location']}: {values}",
             markup=False, soft_wrap=True,
         )  # fmt: skip
-    if rests(answer):
-        out.print("drives rest for a tick at each setpoint: bus.interpolation", markup=False)
+    for habit in habits_of(answer):
+        out.print(f"{habit.step}: {habit.key}", markup=False)
     for alarm in alarms(causes):
         err.print(f"alarm: {alarm}", style="yellow", markup=False, soft_wrap=True)
     if any(getattr(a, "friction_ff", 0.0) for a in _actuators(text)):

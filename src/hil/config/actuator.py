@@ -115,11 +115,14 @@ class Actuator(Settings):
     effective_mass: Positive = Field(description="inertia the drive's pre-control reckons with, kg")
     current_hz: Positive = Field(1000.0, description="bandwidth of the current loop, Hz")
     static_ff: NonNegative = Field(
-        0.0, le=2.0, description='law "pd": K_s, share of the static force fed forward'
+        0.0,
+        le=2.0,
+        description='K_s: share of the static force fed forward in the laws "pd" and "cascade_static"',
     )
-    law: Literal["cascade", "pd"] = Field(
+    law: Literal["cascade", "cascade_static", "pd"] = Field(
         "cascade",
-        description="cascade: P position, PI speed; pd: force from position and speed error",
+        description="cascade: P position, PI speed; cascade_static: the same with static_ff of the static "
+        "force beside it; pd: force from position and speed error",
     )
     transmission: Transmission | None = Field(None, description="screw, rack or direct gear")
     torque_constant: Positive | None = Field(None, description="motor torque per ampere, N·m/A")

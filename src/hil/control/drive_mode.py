@@ -48,6 +48,8 @@ class DriveMode:
             name: np.array([float(getattr(a, name)) for a in rig.actuators]) for name in COLUMNS
         }
         self._column = column
+        feeds_static = [a.law != "cascade" for a in rig.actuators]
+        self._static_ff = np.where(feeds_static, column["static_ff"], 0.0)
         speed_gain = np.maximum(column["speed_gain"], 1.0)
         self._speed_gain = speed_gain
         self._forget = np.exp(-rig.bus.cycle * column["integral_gain"] / speed_gain)
@@ -73,11 +75,8 @@ class DriveMode:
         m, c = self._manipulator, self._column
         force = m.inverse_dynamics(r.pose, r.velocity, r.acceleration)
         still = np.zeros_like(speed)
-        fed = np.where(
-            self._pd,
-            c["static_ff"] * m.inverse_dynamics(r.pose, still, still),
-            c["acceleration_ff"] * c["effective_mass"] * acceleration,
-        )
+        fed = self._static_ff * m.inverse_dynamics(r.pose, still, still)
+        fed += np.where(self._pd, 0.0, c["acceleration_ff"] * c["effective_mass"] * acceleration)
         force = force - fed + (1.0 - c["friction_ff"]) * self._friction.force(speed)
         before = force if self._force is None else self._force
         self._passed = self._forget * (self._passed + force - before)

@@ -111,11 +111,11 @@ def _constant(a: Actuator, rng: np.random.Generator) -> Sizes:
 
 
 def _gains(a: Actuator, rng: np.random.Generator) -> Sizes:
-    keys = ["position", "speed"] + (["integral"] if a.law == "cascade" else [])
+    keys = ["position", "speed"] + (["integral"] if a.law != "pd" else [])
     key = keys[rng.integers(len(keys))]
     way = -1.0 if rng.random() < 0.7 else 1.0
     smallest = 0.03
-    if key == "position" and a.law == "cascade":  # what lags is a delay to a calibration
+    if key == "position" and a.law != "pd":  # what lags is a delay to a calibration
         smallest = max(smallest, DELAY_S * a.position_gain)
     return (
         lambda s: {

@@ -2,7 +2,7 @@
 
 The file keeps its comments and its order. A parameter that stands there already gets the diagnosed value
 in its place: the twin that was fitted had the file's own effects in it, so what it found is the whole. Where
-that twin's drives rested at setpoints, so do the file's then.
+that twin's drives had a habit (`hil.gap.located.habits`), so have the file's then.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from hil.configfile import parse_any_rig
 from hil.effectlines import check_effects
 from hil.errors import ConfigError
 from hil.gap.catalogue.nature import RIDER
-from hil.gap.located.rests import KEY, RESTING
+from hil.gap.located.habits import HABITS, Habit
 from hil.identify.estimate.rigfile import set_value
 from hil.rigs.bicycle import with_usual_rider
 from hil.units import with_unit
@@ -38,7 +38,7 @@ Answer = Mapping[str, Any]
 def applied_text(
     text: str, answer: Answer, *, when: str, source: str = "", pick: Sequence[str] = ()
 ) -> str:
-    """Rig file `text` with the effects of a diagnosis (hil-diagnosis/1, plain tables), and drives that rest.
+    """Rig file `text` with the effects of a diagnosis (hil-diagnosis/1, plain tables) and habits of drives.
 
     `when`: a date, `source`: the diagnosis's name, both for the provenance. `pick`: causes by
     "location.effect", instead of the verdict's set. ConfigError where the verdict is no cause to act on and
@@ -50,24 +50,23 @@ def applied_text(
         if cause["effect"] == RIDER and isinstance(rig, BicycleFile):
             _write_rider(doc, rig)
         _write(doc, cause, *_provenance(answer, cause, when, source))
-    if rests(answer) and isinstance(rig, RigFile):
-        bus = doc.setdefault("bus", tomlkit.table())
-        set_value(
-            bus, KEY, RESTING, f"was {rig.bus.interpolation}; {_origin(answer, when, source)}"
-        )
+    for habit in habits_of(answer):
+        if isinstance(rig, RigFile):
+            _write_habit(doc, rig, habit, _origin(answer, when, source))
     new = tomlkit.dumps(doc)
     checked = parse_any_rig(tomllib.loads(new), f"{rig.name} with what was diagnosed")
     check_effects(checked, f"{rig.name} with what was diagnosed")
     return new
 
 
-def rests(answer: Answer) -> bool:
-    """Whether the drives were found to rest at setpoints, unlike those of the file that was diagnosed."""
-    return any(f["subject"] == f"bus.{KEY}" for f in answer.get("findings", ()))
+def habits_of(answer: Answer) -> list[Habit]:
+    """What the drives were found to do, unlike those of the file that was diagnosed."""
+    said = {f["subject"] for f in answer.get("findings", ())}
+    return [h for h in HABITS if h.key in said]
 
 
 def chosen_causes(answer: Answer, rig: AnyRig, pick: Sequence[str]) -> list[Answer]:
-    """The causes to be written, checked against the rig file; none where only drives rest."""
+    """The causes to be written, checked against the rig file; none where only drives have a habit."""
     if answer.get("format") != FORMAT:
         raise ConfigError(f"is no diagnosis: its format is {answer.get('format')!r}, not {FORMAT}")
     if answer["rig"] != rig.name:
@@ -84,7 +83,7 @@ def chosen_causes(answer: Answer, rig: AnyRig, pick: Sequence[str]) -> list[Answ
             )
         return [causes[p] for p in dict.fromkeys(pick)]
     verdict = answer["verdict"]
-    if verdict == "no_gap" and rests(answer):
+    if verdict == "no_gap" and habits_of(answer):
         return []
     if verdict == "no_gap":
         raise ConfigError("the verdict is no_gap: there is nothing to apply")
@@ -99,6 +98,18 @@ def chosen_causes(answer: Answer, rig: AnyRig, pick: Sequence[str]) -> list[Answ
             f"{', '.join(offered) or 'none was weighed'}"
         )
     return list(answer["effects"])
+
+
+def _write_habit(doc: Any, rig: RigFile, habit: Habit, origin: str) -> None:
+    """What stands at a habit's key is replaced, at every actuator where the table is theirs."""
+    table, key = habit.key.split(".")
+    owners = getattr(rig, table)
+    if not isinstance(owners, tuple):
+        lines, owners = [doc.setdefault(table, tomlkit.table())], (owners,)
+    else:
+        lines = doc[table]
+    for line, owner in zip(lines, owners, strict=True):
+        set_value(line, key, habit.value, f"was {getattr(owner, key)}; {origin}")
 
 
 def alarms(causes: Sequence[Answer]) -> list[str]:

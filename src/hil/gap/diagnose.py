@@ -30,8 +30,8 @@ from hil.gap.judged.calmer import calmed
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.older import as_it_was
 from hil.gap.judged.verdict import answer, stands
+from hil.gap.located.habits import HABITS, Habit, seems_to
 from hil.gap.located.locate import locate
-from hil.gap.located.rests import rest_found, resting_twin, seems_to_rest
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding, check_runs
 from hil.gap.record.problem import Problem
@@ -61,8 +61,8 @@ class Considered:
     """What those are, in words."""
     is_large: bool
     """Whether the gap stands by itself, whatever explains it."""
-    rests: Finding | None = None
-    """What to say of drives that rest for a tick at each setpoint, unlike those of the rig file."""
+    habits: tuple[Habit, ...] = ()
+    """What drives were found to do, unlike those of the rig file."""
 
     @property
     def rig(self) -> RigFile:
@@ -109,7 +109,8 @@ def consider(
     say = report or (lambda _: None)
     given, loaded = rig, as_runs(runs, rig)
     healthy = as_runs(references, rig)
-    found, nuisances, older, rests, springs = None, None, None, None, None
+    found, nuisances, older, springs = None, None, None, None
+    habits: list[Habit] = []
     if healthy:
         say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
@@ -117,8 +118,9 @@ def consider(
             say("the references differ from the twin themselves: what explains that comes first")
             first = consider(healthy, rig, without=without, seed=seed, report=report)
             was = first.answer(seed)
-            if first.rests is not None:
-                rig, found, rests = resting_twin(rig), first.located, first.rests
+            for habit in first.habits:
+                rig, found = habit.twin(rig), first.located
+            habits += first.habits
             if was.verdict != "no_gap":
                 effects, older = as_it_was(rig.effects, was)
                 rig = rig.model_copy(update={"effects": effects})
@@ -127,12 +129,15 @@ def consider(
     say("locating the gap")
     located = locate(loaded, rig, nuisances=nuisances, healthy=found, seed=seed)
     mine, parts = _considered(located, nuisances, without, seed, say)
-    if not healthy and seems_to_rest(located):
-        say("once more with drives that rest for a tick at each setpoint")
-        resting = locate(loaded, resting_twin(rig), seed=seed)
-        other, _ = _considered(resting, None, without, seed, say, parts)
+    for habit in HABITS if not healthy else ():
+        if not seems_to(habit, mine.located):
+            continue
+        say(f"once more with {habit.step}")
+        elsewise = locate(loaded, habit.twin(mine.rig), seed=seed)
+        other, _ = _considered(elsewise, None, without, seed, say, parts)
         if explains_better(mine.calibrated, mine.fits, other.fits):
-            mine, rests = other, rest_found(rig)
+            mine = other
+            habits.append(habit)
     for bend_hz in (BEND_HZ, SOFTER_HZ) if _may_be_springs(mine, seed) else ():
         say(f"once more with transmissions that swing at {bend_hz:g} Hz, as healthy ones do")
         twin = sprung_twin(mine.rig, bend_hz)
@@ -144,12 +149,12 @@ def consider(
             mine, springs = other, _springs_found(bend_hz)
         if springs is not None or not is_better:
             break
-    known = [f for f in (rests, springs, older) if f is not None]
+    known = [f for f in (*(h.found(given) for h in habits), springs, older) if f is not None]
     strange = set(check_runs(loaded, mine.rig)) - set(check_runs(loaded, given))
     # what is said of the files kept with runs is said of the file given, not of a twin's
     own = [f for f in mine.located.findings if f not in strange]
     located = replace(mine.located, findings=(*own, *known))
-    return replace(mine, located=located, rests=rests)
+    return replace(mine, located=located, habits=tuple(habits))
 
 
 def _considered(

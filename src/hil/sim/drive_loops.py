@@ -6,6 +6,7 @@ jumps (`hold`). The line starts where the one before it would be by then (`linea
 was, so that the drive rests for a tick (`linear_rests`). `retimed`: setpoints wait in a queue and the drive
 takes one each T_c of its own clock, which starts one cycle after the first arrival, so send jitter below half
 a cycle does not show; where the next one has waited less (one before it was lost) the drive pauses a cycle.
+Law "cascade_static": the speed loop's force has K_s F_static beside it, as the law "pd" has [R].
 Law "pd": F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static ("Towards Simulating a Mid-size Stewart
 Platform on a Large Hexapod Simulator", eqs (7)-(8), with damping on the speed error [R]).
 
@@ -43,9 +44,13 @@ def encoder(act, i, x):  # type: ignore[no-untyped-def]
 
 
 @inner
-def set_mode(st, i, mode):  # type: ignore[no-untyped-def]
-    """Switch drive i; in "position" it holds where it stands until a setpoint comes."""
-    st[lay.S_INTEGRAL, i] = st[lay.S_CURRENT, i] if mode == lay.MODE_POSITION else 0.0
+def set_mode(act, st, i, mode):  # type: ignore[no-untyped-def]
+    """Switch drive i; in "position" it holds where it stands until a setpoint comes, without a jump of force
+    where it had one."""
+    carried = st[lay.S_CURRENT, i]
+    if carried != 0.0:
+        carried -= act[lay.A_STATIC_FF, i] * st[lay.S_STATIC, i]
+    st[lay.S_INTEGRAL, i] = carried if mode == lay.MODE_POSITION else 0.0
     st[lay.S_MODE, i] = mode
     st[lay.S_BRAKE, i] = 0.0 if mode == lay.MODE_POSITION else 1.0
     st[lay.S_FORCE_SETPOINT, i] = 0.0
@@ -200,6 +205,7 @@ def speed_loops(header, act, st, t):  # type: ignore[no-untyped-def]
         else:
             error = st[lay.S_VREF, i] - st[lay.S_VD, i]
             force = act[lay.A_KV, i] * error + st[lay.S_INTEGRAL, i] + st[lay.S_FF, i]
+            force += act[lay.A_STATIC_FF, i] * st[lay.S_STATIC, i]
             st[lay.S_FREF, i] = limited(force, limit, knee)
             if (
                 abs(force) <= limit or force * error <= 0.0

@@ -42,11 +42,11 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
     if substeps < 1:
         raise ValueError("substeps must be 1 or more")
     geometry, body, gravity = pack_geometry(rig), pack_body(rig), pack_gravity(rig)
-    pd = any(a.law == "pd" for a in rig.actuators)
+    feeds_static = any(a.law != "cascade" for a in rig.actuators)
     header = [
         float(kind_code(rig)), len(rig.actuators), bus.speed_loop, round(ticks), bus.cycle,
         bus.setpoint_delay, lay.INTERPOLATIONS[bus.interpolation], bus.retimed, substeps, len(geometry),
-        rig.imu is not None, pd, rig.imu.delay if rig.imu else 0.0,
+        rig.imu is not None, feeds_static, rig.imu.delay if rig.imu else 0.0,
         bus.answer_delay, smooth and bus.cycle > 1.5 * bus.position_loop,
     ]  # fmt: skip
     return np.concatenate(
@@ -109,7 +109,7 @@ def _pack_actuators(rig: RigFile) -> Array:
             (lay.A_KFF, a.friction_ff),
             (lay.A_MEFF, a.effective_mass),
             (lay.A_CURRENT_W, 2.0 * math.pi * a.current_hz),
-            (lay.A_STATIC_FF, a.static_ff),
+            (lay.A_STATIC_FF, a.static_ff if a.law != "cascade" else 0.0),
             (lay.A_PD, a.law == "pd"),
             (lay.A_FORCE_PER_A, a.force_per_ampere or math.nan),
             (lay.A_BRAKE, a.force_max),

@@ -75,7 +75,8 @@ class Plant:
         self._answered = 0
         self.now_s = 0.0
         apply_parameters(self._base, self.parameters, self._model)
-        self._delay_s = (rig.bus.setpoint_delay + actuator_rows(self._model)[lay.A_DELAY]).tolist()
+        self._act = actuator_rows(self._model)
+        self._delay_s = (rig.bus.setpoint_delay + self._act[lay.A_DELAY]).tolist()
         for signal, row in enumerate(self._sensors):
             sensor_constants(self.parameters, self.n, signal, row)
         at = self.n * lay.ACTUATOR_BLOCK + lay.BUS_AT
@@ -111,7 +112,7 @@ class Plant:
     def set_mode(self, i: int, mode: DriveMode) -> None:
         """Switch drive i: "off" closes the holding brake; "position" holds where it stands; "force" opens
         the brake at its first setpoint."""
-        switch(self._rows, i, MODES[mode])
+        switch(self._act, self._rows, i, MODES[mode])
 
     def mode(self, i: int) -> DriveMode:
         """Mode of drive i."""

@@ -145,7 +145,7 @@ def rest(model, target, modes, q_guess, state):  # type: ignore[no-untyped-def]
         if modes[i] == lay.MODE_OFF:
             st[lay.S_CURRENT, i] = 0.0
         force = st[lay.S_CURRENT, i]
-        set_mode(st, i, int(modes[i]))
+        set_mode(act, st, i, int(modes[i]))
         st[lay.S_FREF, i] = force
         if modes[i] == lay.MODE_FORCE:
             st[lay.S_FORCE_SETPOINT, i] = force

@@ -140,6 +140,7 @@ def speed_tick(head, act, st, i, t):  # type: ignore[no-untyped-def]
         force += act[lay.A_KV, i] * error + act[lay.A_STATIC, i] * st[lay.S_STATIC, i]
     else:
         force = act[lay.A_KV, i] * error + st[lay.S_INTEGRAL, i] + st[lay.S_FF, i]
+        force += act[lay.A_STATIC, i] * st[lay.S_STATIC, i]
     limit = act[lay.A_FORCE_MAX, i]
     out = min(max(force, -limit), limit)
     if act[lay.A_FORCE_LIMIT, i] < limit:

@@ -154,7 +154,8 @@ def simulate(rig, start, events, asking, samples, out):  # type: ignore[no-untyp
     gravity = level_gravity.copy()
     mode, slosh, frame = np.zeros(6), np.zeros(6), np.zeros(6)
     filtered, filter_rate, sensed = np.zeros(6), np.zeros(6), np.zeros(6)
-    load = np.empty(n)
+    load, fed = np.empty(n), np.empty(n)
+    _static_load(kind, nominal[0], nominal[1], legs, nominal[2], q, own, fed)
     _static_load(kind, geometry, body, legs, gravity, q, own, load)
     terms_in(own, kind, geometry, body, legs, gravity, q, qd, M, bias, rho, J, jdqd)
     t = -head[lay.H_SETTLE]
@@ -169,9 +170,10 @@ def simulate(rig, start, events, asking, samples, out):  # type: ignore[no-untyp
         st[lay.S_NOW, i] = rho0[i]
         st[lay.S_IDLE, i] = 1.0
         st[lay.S_HOST_J, i] = -1.0
-        st[lay.S_INTEGRAL, i] = load[i] / act[lay.A_FORCE_SCALE, i]
-        st[lay.S_REF, i] = st[lay.S_INTEGRAL, i] if is_told else rho0[i]
-        st[lay.S_CURRENT, i] = st[lay.S_INTEGRAL, i]
+        carried = load[i] / act[lay.A_FORCE_SCALE, i]
+        st[lay.S_INTEGRAL, i] = carried - act[lay.A_STATIC, i] * fed[i]
+        st[lay.S_REF, i] = carried if is_told else rho0[i]
+        st[lay.S_CURRENT, i] = carried
         st[lay.S_NEXT_P, i] = t + act[lay.A_PHASE_P, i]
         st[lay.S_NEXT_V, i] = t + act[lay.A_PHASE_V, i]
     groups = s_col.shape[0]

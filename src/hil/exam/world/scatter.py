@@ -137,7 +137,7 @@ def _actuators(rig: RigFile, rng: np.random.Generator, size: float) -> Array:
             (lay.A_FF_COULOMB, a.coulomb),
             (lay.A_MEFF, a.effective_mass),
             (lay.A_CURRENT_W, 2.0 * math.pi * a.current_hz * rng.uniform(0.8, 1.2)),
-            (lay.A_STATIC, a.static_ff if a.law == "pd" else 0.0),
+            (lay.A_STATIC, a.static_ff if a.law != "cascade" else 0.0),
             (lay.A_COUNT, COUNT),
             (lay.A_SPEED_TAU, rng.uniform(2.6e-4, 4e-4)),
             (lay.A_PERIOD_P, bus.position_loop * (1.0 + off(wander))),

@@ -104,6 +104,25 @@ def weighed_causes(
     return tuple(sorted(out, key=lambda x: -x.probability))
 
 
+def without_doubtful(c: Calibrated, weighed: Sequence[Weighed], worth: float) -> list[Weighed]:
+    """The sets of `weighed` of which no effect may as well be what a healthy rig has of the same: one whose
+    only parameter's interval reaches its neutral value. All, where no other is left."""
+
+    def is_doubtful(f: Fit, leaf: Leaf) -> bool:
+        values = _parameters(c, f, leaf, worth)
+        if len(values) != 1 or leaf.effect == LOST:
+            return False
+        ((name, value),) = values.items()
+        return value.ci[0] <= c.problem.table[f"{leaf.name}.{name}"].neutral <= value.ci[1]
+
+    left = [
+        w for w in weighed
+        if len(w.fit.leaves) == 1 or not any(is_doubtful(w.fit, x) for x in w.fit.leaves)
+    ] or weighed  # fmt: skip
+    total = max(sum(w.probability for w in left), 1e-300)
+    return [replace(w, probability=w.probability / total) for w in left]
+
+
 def _classes(c: Calibrated, heads: Mapping[str, Fit]) -> dict[str, int]:
     """For each candidate by name, with the fit that stands for it, the number of its class.
 

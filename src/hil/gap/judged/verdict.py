@@ -19,7 +19,7 @@ from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.heldout import Score
 from hil.gap.fits.rounded import EFFECT as ROUNDED
 from hil.gap.fits.shares import largest_ratio
-from hil.gap.judged.causes import Shown, weighed_causes
+from hil.gap.judged.causes import Shown, weighed_causes, without_doubtful
 from hil.gap.judged.clear import asked, clear, signals
 from hil.gap.judged.constancy import Variation
 from hil.gap.judged.diagnosis import Cause, Diagnosis, Verdict
@@ -112,6 +112,7 @@ def answer(
         return shown.score(f, signals(c, none, f))
 
     weighed = clear(c, none, [w for w in weighed if w.fit.leaves], zero, is_large, unseen)
+    weighed = without_doubtful(c, weighed, worth)
     if not weighed:
         found = _nothing_like_it(located, held_out) if is_large else _small(located, held_out)
         return replace(found, not_excited=not_excited(c, bank))

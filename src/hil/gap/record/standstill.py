@@ -84,7 +84,7 @@ def sags_s(rig: RigFile, piece: Stretch, actuator: str) -> float:
     drive = next(a for a in rig.actuators if a.name == actuator)
     t, told = piece.setpoints[actuator]
     at, x = piece.samples.get(f"{actuator}.position", (np.empty(0), np.empty(0)))
-    if piece.mode != "position" or drive.law != "cascade" or drive.integral_gain <= 0.0:
+    if piece.mode != "position" or drive.law == "pd" or drive.integral_gain <= 0.0:
         return 0.0
     moved = np.abs(told - told[0]) > LOOSE
     still = x[at < (t[np.argmax(moved)] if moved.any() else np.inf)] - told[0]

@@ -1,0 +1,74 @@
+"""What drives may do unlike the rig file: whether a record may be one of theirs."""
+
+import numpy as np
+import pytest
+
+from hil.configfile import load_rig
+from hil.gap.located.habits import FEEDS, RESTS, seems_to
+from hil.gap.located.locate import locate
+from hil.sim import Twin
+from tests.gap.twin_runs import AXIS, effect, record
+from tests.sim.rigs import changed
+
+RESTING = RESTS.twin(AXIS)
+SWINGING = changed(
+    AXIS,
+    {"static_ff": 0.997, "integral_gain": 2e4},
+    geometry={"load": "pendulum"},
+    mass={"m": 95.0, "cog": (0.0, 0.0, -1.0)},
+)
+"""A load whose static force goes with the pose, on a drive whose integrator is slow."""
+
+
+def test_the_reference_falls_behind_by_what_the_bus_says():
+    sent = np.arange(0.0, 3.0, AXIS.bus.cycle)
+    told = 0.02 * sent
+    at = np.arange(1.5, 2.5, 0.00025)
+    plain, resting = (
+        Twin(rig).replay({"axis": (sent, told)}, {"axis.position": at})["axis.position"]
+        for rig in (AXIS, RESTING)
+    )
+    behind_s = float(np.mean(plain - resting)) / 0.02
+    assert behind_s == pytest.approx(RESTING.bus.reach_s - AXIS.bus.reach_s, rel=0.02)
+
+
+def test_a_record_of_drives_that_rest_seems_to_be_one():
+    assert seems_to(RESTS, locate(record(rig=RESTING, asked_s=0.004), AXIS))
+
+
+@pytest.mark.parametrize(
+    "what",
+    [effect("transport_delay", delay=0.0011), effect("loop_gain", position=0.92)],
+    ids=lambda e: e.effect,
+)
+def test_what_is_late_as_a_drive_that_rests_does_not_seem_to(what):
+    assert not seems_to(RESTS, locate(record(what), AXIS))
+
+
+def test_only_drives_that_draw_lines_on_arrival_are_asked():
+    assert RESTS.may(AXIS)
+    assert not RESTS.may(RESTING)
+    held = AXIS.bus.model_copy(update={"interpolation": "hold"})
+    own_clock = AXIS.bus.model_copy(update={"retimed": True})
+    assert not any(RESTS.may(AXIS.model_copy(update={"bus": b})) for b in (held, own_clock))
+
+
+def test_a_record_of_drives_that_feed_static_force_forward_seems_to_be_one():
+    assert seems_to(FEEDS, locate(record(rig=FEEDS.twin(SWINGING)), SWINGING))
+    assert not seems_to(FEEDS, locate(record(rig=SWINGING), SWINGING))
+
+
+@pytest.mark.parametrize(
+    "what",
+    [effect("loop_gain", integral=1.3), effect("payload_mass", "platform", mass=6.0)],
+    ids=lambda e: e.effect,
+)
+def test_what_the_integrator_does_not_do_is_not_fed_forward(what):
+    assert not seems_to(FEEDS, locate(record(what, rig=SWINGING), SWINGING))
+
+
+def test_only_cascades_with_a_share_to_feed_are_asked_for_it():
+    assert FEEDS.may(SWINGING)
+    assert not FEEDS.may(AXIS)
+    assert not FEEDS.may(FEEDS.twin(SWINGING))
+    assert not FEEDS.may(load_rig("stewart_pd"))
