@@ -121,8 +121,18 @@ def test_no_gap_foreign_rigs_and_impossible_values_are_refused():
         applied_text(AXIS_FILE, answer(cause("backlash", gap=3.0)), when="x")
 
 
+def told(key, value):
+    """A finding about what belongs into the rig file."""
+    return {"severity": "warning", "subject": key, "text": "they do so", "belongs": value}
+
+
 def test_drives_that_were_found_to_rest_do_so_in_the_file(tmp_path):
-    resting = {"severity": "warning", "subject": "bus.interpolation", "text": "they stand still"}
+    resting = {
+        "severity": "warning",
+        "subject": "bus.interpolation",
+        "text": "they rest",
+        "belongs": "linear_rests",
+    }
     said = {**answer(cause("coulomb_friction", force=30.0)), "findings": [resting]}
     text = applied_text(AXIS_FILE, said, when="2026-02-01", source="d.json")
     rig = read(text, tmp_path)
@@ -135,12 +145,29 @@ def test_drives_that_were_found_to_rest_do_so_in_the_file(tmp_path):
 
 
 def test_drives_that_were_found_to_feed_static_force_forward_do_so_in_the_file(tmp_path):
-    feeding = {"severity": "warning", "subject": "actuators.law", "text": "they feed it"}
+    feeding = {
+        "severity": "warning",
+        "subject": "actuators.law",
+        "text": "they feed it",
+        "belongs": ["cascade_static"] * 6,
+    }
     said = {**answer(verdict="no_gap"), "rig": "stewart", "findings": [feeding]}
     own = find_rig_file("stewart").read_text(encoding="utf-8")
     text = applied_text(own, said, when="2026-02-01", source="d.json")
     assert [a.law for a in read(text, tmp_path).actuators] == ["cascade_static"] * 6
     assert text.count("was cascade; hil gap diagnose, run7, 2026-02-01 (d.json)") == 6
+
+
+def test_legs_that_were_found_to_weigh_something_do_so_in_the_file(tmp_path):
+    own = find_rig_file("motorcycle").read_text(encoding="utf-8")
+    half = {"lower_mass": 1.23456, "lower_cog": 0.2, "lower_inertia": 0.01}
+    half |= {k.replace("lower", "upper"): x for k, x in half.items()}
+    nothing = dict.fromkeys(half, 0.0)
+    weighing = told("actuators.leg", [half, half, nothing])
+    said = {**answer(verdict="no_gap"), "rig": "motorcycle", "findings": [weighing]}
+    text = applied_text(own, said, when="x")
+    assert [a.leg.lower_mass for a in read(text, tmp_path).actuators] == [1.23, 1.23, 0.0]
+    assert text.count("weighed nothing; hil gap diagnose") == 2
 
 
 def test_a_rider_who_was_assumed_is_written_beside_what_he_does(tmp_path):

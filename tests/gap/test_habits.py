@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from hil.configfile import load_rig
-from hil.gap.located.habits import FEEDS, RESTS, seems_to
+from hil.gap.located.habits import FEEDS, RESTS, share_of
 from hil.gap.located.locate import locate
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
 from tests.sim.rigs import changed
 
-RESTING = RESTS.twin(AXIS)
+RESTING = RESTS.twin(AXIS, 1.0)
 SWINGING = changed(
     AXIS,
     {"static_ff": 0.997, "integral_gain": 2e4},
@@ -32,8 +32,8 @@ def test_the_reference_falls_behind_by_what_the_bus_says():
     assert behind_s == pytest.approx(RESTING.bus.reach_s - AXIS.bus.reach_s, rel=0.02)
 
 
-def test_a_record_of_drives_that_rest_seems_to_be_one():
-    assert seems_to(RESTS, locate(record(rig=RESTING, asked_s=0.004), AXIS))
+def test_a_record_of_drives_that_rest_share_of_be_one():
+    assert share_of(RESTS, locate(record(rig=RESTING, asked_s=0.004), AXIS))
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_a_record_of_drives_that_rest_seems_to_be_one():
     ids=lambda e: e.effect,
 )
 def test_what_is_late_as_a_drive_that_rests_does_not_seem_to(what):
-    assert not seems_to(RESTS, locate(record(what), AXIS))
+    assert not share_of(RESTS, locate(record(what), AXIS))
 
 
 def test_only_drives_that_draw_lines_on_arrival_are_asked():
@@ -53,9 +53,9 @@ def test_only_drives_that_draw_lines_on_arrival_are_asked():
     assert not any(RESTS.may(AXIS.model_copy(update={"bus": b})) for b in (held, own_clock))
 
 
-def test_a_record_of_drives_that_feed_static_force_forward_seems_to_be_one():
-    assert seems_to(FEEDS, locate(record(rig=FEEDS.twin(SWINGING)), SWINGING))
-    assert not seems_to(FEEDS, locate(record(rig=SWINGING), SWINGING))
+def test_a_record_of_drives_that_feed_static_force_forward_share_of_be_one():
+    assert share_of(FEEDS, locate(record(rig=FEEDS.twin(SWINGING, 1.0)), SWINGING))
+    assert not share_of(FEEDS, locate(record(rig=SWINGING), SWINGING))
 
 
 @pytest.mark.parametrize(
@@ -64,11 +64,11 @@ def test_a_record_of_drives_that_feed_static_force_forward_seems_to_be_one():
     ids=lambda e: e.effect,
 )
 def test_what_the_integrator_does_not_do_is_not_fed_forward(what):
-    assert not seems_to(FEEDS, locate(record(what, rig=SWINGING), SWINGING))
+    assert not share_of(FEEDS, locate(record(what, rig=SWINGING), SWINGING))
 
 
 def test_only_cascades_with_a_share_to_feed_are_asked_for_it():
     assert FEEDS.may(SWINGING)
     assert not FEEDS.may(AXIS)
-    assert not FEEDS.may(FEEDS.twin(SWINGING))
+    assert not FEEDS.may(FEEDS.twin(SWINGING, 1.0))
     assert not FEEDS.may(load_rig("stewart_pd"))

@@ -3,9 +3,14 @@
 import math
 from dataclasses import replace
 
+from hil.config import LegMass
+from hil.configfile import load_rig
+from hil.exam.world import Scatter, build_world, play
 from hil.gap.diagnose import diagnose
-from hil.gap.located.habits import FEEDS, RESTS
+from hil.gap.located.habits import FEEDS, LEGS, RESTS, WEIGHS, share_of
+from hil.gap.located.locate import locate
 from hil.gap.record.runs import as_runs
+from tests.exam.worlds import sway
 from tests.gap.test_habits import SWINGING
 from tests.gap.twin_runs import AXIS, effect, record
 
@@ -18,7 +23,7 @@ COULOMB = effect("coulomb_friction", force=40.0)
 
 def resting(*effects, seed=1):
     """A record of drives that rest for a tick, their force asked for where it no longer swings."""
-    return record(*effects, rig=RESTS.twin(AXIS), seed=seed, asked_s=0.004)
+    return record(*effects, rig=RESTS.twin(AXIS, 1.0), seed=seed, asked_s=0.004)
 
 
 def spring(stiffness):
@@ -28,8 +33,18 @@ def spring(stiffness):
 
 def feeding(*effects):
     """A pendulum's record, of drives that feed its static force forward though its rig file has them not."""
-    (run,) = as_runs(record(*effects, rig=FEEDS.twin(SWINGING), share=1.5), SWINGING)
+    (run,) = as_runs(record(*effects, rig=FEEDS.twin(SWINGING, 1.0), share=1.5), SWINGING)
     return replace(run, rig=SWINGING)
+
+
+def hexapod(leg):
+    """A record of the force-controlled hexapod in a world whose legs are `leg`, by a rig file without."""
+    rig = load_rig("stewart_pd")
+    legs = tuple(a.model_copy(update={"leg": leg}) for a in rig.actuators)
+    world = build_world(rig.model_copy(update={"actuators": legs}), Scatter(3))
+    played = play(world, sway(rig, 12.0, share=0.5), seen=1, hidden=2, with_imu=False)
+    (run,) = as_runs(played.table(world), rig)
+    return replace(run, rig=rig)
 
 
 def is_told(answer, habit=RESTS):
@@ -77,6 +92,20 @@ def test_an_effect_is_named_beside_static_force_fed_forward():
     answer = diagnose(feeding(COULOMB), SWINGING)
     assert is_told(answer, FEEDS)
     assert named(answer) == [("coulomb_friction", "axis")]
+
+
+def test_legs_that_weigh_something_are_seen_and_legs_that_do_not_are_not():
+    heavy = LegMass(
+        lower_mass=2.0, lower_cog=0.35, lower_inertia=0.05,
+        upper_mass=1.5, upper_cog=0.3, upper_inertia=0.03,
+    )  # fmt: skip
+    shares = []
+    for leg in (LegMass(), heavy):
+        run = hexapod(leg)
+        shares.append(share_of(WEIGHS, locate([run], run.rig)))
+    assert shares[0] == 0.0
+    kg = 0.5 * LEGS * run.rig.mass.m * shares[1] / 6.0
+    assert 0.4 < kg < 2.5  # of each half
 
 
 def test_a_screw_of_forty_newtons_a_micrometre_is_healthy():

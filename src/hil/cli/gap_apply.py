@@ -37,8 +37,8 @@ def apply(
     """Write the diagnosed effects into a rig file, for twin, simulated rig and feed-forward.
 
     Comments and order of the file stay; each effect says which runs it comes from, when, and how far the gap
-    shrank. A verdict of `unknown` or `ambiguous` is applied only with --pick. What drives were found
-    to do unlike the rig file stands in the new one, too.
+    shrank. A verdict of `unknown` or `ambiguous` is applied only with --pick. What the rig was found
+    to have or do unlike its file stands in the new one, too.
     """
     answer = _read(diagnosis)
     path = find_rig_file(rig)
@@ -62,7 +62,7 @@ def apply(
             markup=False, soft_wrap=True,
         )  # fmt: skip
     for habit in habits_of(answer):
-        out.print(f"{habit.step}: {habit.key}", markup=False)
+        out.print(f"{habit['subject']}: {habit['text']}", markup=False, soft_wrap=True)
     for alarm in alarms(causes):
         err.print(f"alarm: {alarm}", style="yellow", markup=False, soft_wrap=True)
     if any(getattr(a, "friction_ff", 0.0) for a in _actuators(text)):

@@ -2,7 +2,7 @@
 
 The file keeps its comments and its order. A parameter that stands there already gets the diagnosed value
 in its place: the twin that was fitted had the file's own effects in it, so what it found is the whole. Where
-that twin's drives had a habit (`hil.gap.located.habits`), so have the file's then.
+that twin had habits of the rig (`hil.gap.located.habits`), so has the file then.
 """
 
 from __future__ import annotations
@@ -15,12 +15,11 @@ from typing import Any, Final
 
 import tomlkit
 
-from hil.config import AnyRig, BicycleFile, RigFile
+from hil.config import AnyRig, BicycleFile
 from hil.configfile import parse_any_rig
 from hil.effectlines import check_effects
 from hil.errors import ConfigError
 from hil.gap.catalogue.nature import RIDER
-from hil.gap.located.habits import HABITS, Habit
 from hil.identify.estimate.rigfile import set_value
 from hil.rigs.bicycle import with_usual_rider
 from hil.units import with_unit
@@ -38,7 +37,7 @@ Answer = Mapping[str, Any]
 def applied_text(
     text: str, answer: Answer, *, when: str, source: str = "", pick: Sequence[str] = ()
 ) -> str:
-    """Rig file `text` with the effects of a diagnosis (hil-diagnosis/1, plain tables) and habits of drives.
+    """Rig file `text` with the effects of a diagnosis (hil-diagnosis/1, plain tables) and habits of the rig.
 
     `when`: a date, `source`: the diagnosis's name, both for the provenance. `pick`: causes by
     "location.effect", instead of the verdict's set. ConfigError where the verdict is no cause to act on and
@@ -50,23 +49,21 @@ def applied_text(
         if cause["effect"] == RIDER and isinstance(rig, BicycleFile):
             _write_rider(doc, rig)
         _write(doc, cause, *_provenance(answer, cause, when, source))
-    for habit in habits_of(answer):
-        if isinstance(rig, RigFile):
-            _write_habit(doc, rig, habit, _origin(answer, when, source))
+    for finding in habits_of(answer):
+        _write_habit(doc, rig, finding, _origin(answer, when, source))
     new = tomlkit.dumps(doc)
     checked = parse_any_rig(tomllib.loads(new), f"{rig.name} with what was diagnosed")
     check_effects(checked, f"{rig.name} with what was diagnosed")
     return new
 
 
-def habits_of(answer: Answer) -> list[Habit]:
-    """What the drives were found to do, unlike those of the file that was diagnosed."""
-    said = {f["subject"] for f in answer.get("findings", ())}
-    return [h for h in HABITS if h.key in said]
+def habits_of(answer: Answer) -> list[Answer]:
+    """The findings about what the rig has or does, unlike the file that was diagnosed."""
+    return [f for f in answer.get("findings", ()) if "belongs" in f]
 
 
 def chosen_causes(answer: Answer, rig: AnyRig, pick: Sequence[str]) -> list[Answer]:
-    """The causes to be written, checked against the rig file; none where only drives have a habit."""
+    """The causes to be written, checked against the rig file; none where only habits were found."""
     if answer.get("format") != FORMAT:
         raise ConfigError(f"is no diagnosis: its format is {answer.get('format')!r}, not {FORMAT}")
     if answer["rig"] != rig.name:
@@ -100,16 +97,27 @@ def chosen_causes(answer: Answer, rig: AnyRig, pick: Sequence[str]) -> list[Answ
     return list(answer["effects"])
 
 
-def _write_habit(doc: Any, rig: RigFile, habit: Habit, origin: str) -> None:
-    """What stands at a habit's key is replaced, at every actuator where the table is theirs."""
-    table, key = habit.key.split(".")
-    owners = getattr(rig, table)
-    if not isinstance(owners, tuple):
-        lines, owners = [doc.setdefault(table, tomlkit.table())], (owners,)
-    else:
-        lines = doc[table]
-    for line, owner in zip(lines, owners, strict=True):
-        set_value(line, key, habit.value, f"was {getattr(owner, key)}; {origin}")
+def _write_habit(doc: Any, rig: AnyRig, finding: Answer, origin: str) -> None:
+    """What belongs at a finding's key, at every actuator where the table is theirs; the rest stays."""
+    table, key = finding["subject"].split(".")
+    owner, value = getattr(rig, table), finding["belongs"]
+    if not isinstance(owner, tuple):
+        set_value(
+            doc.setdefault(table, tomlkit.table()),
+            key,
+            value,
+            f"was {getattr(owner, key)}; {origin}",
+        )
+        return
+    for line, actuator, own in zip(doc[table], owner, value, strict=True):
+        before = getattr(actuator, key)
+        if isinstance(own, Mapping):
+            if dict(own) != before.model_dump():
+                inline = tomlkit.inline_table()
+                inline.update({k: float(f"{x:.3g}") for k, x in own.items()})
+                set_value(line, key, inline, f"weighed nothing; {origin}")
+        elif own != before:
+            set_value(line, key, own, f"was {before}; {origin}")
 
 
 def alarms(causes: Sequence[Answer]) -> list[str]:

@@ -30,7 +30,7 @@ from hil.gap.judged.calmer import calmed
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.older import as_it_was
 from hil.gap.judged.verdict import answer, stands
-from hil.gap.located.habits import HABITS, Habit, seems_to
+from hil.gap.located.habits import HABITS, Habit, share_of
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding, check_runs
@@ -61,8 +61,8 @@ class Considered:
     """What those are, in words."""
     is_large: bool
     """Whether the gap stands by itself, whatever explains it."""
-    habits: tuple[Habit, ...] = ()
-    """What drives were found to do, unlike those of the rig file."""
+    habits: tuple[tuple[Habit, float], ...] = ()
+    """What the rig was found to have or do, unlike the rig file, and how much of it."""
 
     @property
     def rig(self) -> RigFile:
@@ -110,7 +110,7 @@ def consider(
     given, loaded = rig, as_runs(runs, rig)
     healthy = as_runs(references, rig)
     found, nuisances, older, springs = None, None, None, None
-    habits: list[Habit] = []
+    habits: list[tuple[Habit, float]] = []
     if healthy:
         say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
@@ -118,8 +118,8 @@ def consider(
             say("the references differ from the twin themselves: what explains that comes first")
             first = consider(healthy, rig, without=without, seed=seed, report=report)
             was = first.answer(seed)
-            for habit in first.habits:
-                rig, found = habit.twin(rig), first.located
+            for habit, share in first.habits:
+                rig, found = habit.twin(rig, share), first.located
             habits += first.habits
             if was.verdict != "no_gap":
                 effects, older = as_it_was(rig.effects, was)
@@ -130,14 +130,15 @@ def consider(
     located = locate(loaded, rig, nuisances=nuisances, healthy=found, seed=seed)
     mine, parts = _considered(located, nuisances, without, seed, say)
     for habit in HABITS if not healthy else ():
-        if not seems_to(habit, mine.located):
+        share = share_of(habit, mine.located)
+        if share == 0.0:
             continue
         say(f"once more with {habit.step}")
-        elsewise = locate(loaded, habit.twin(mine.rig), seed=seed)
+        elsewise = locate(loaded, habit.twin(mine.rig, share), seed=seed)
         other, _ = _considered(elsewise, None, without, seed, say, parts)
         if explains_better(mine.calibrated, mine.fits, other.fits):
             mine = other
-            habits.append(habit)
+            habits.append((habit, share))
     for bend_hz in (BEND_HZ, SOFTER_HZ) if _may_be_springs(mine, seed) else ():
         say(f"once more with transmissions that swing at {bend_hz:g} Hz, as healthy ones do")
         twin = sprung_twin(mine.rig, bend_hz)
@@ -149,7 +150,8 @@ def consider(
             mine, springs = other, _springs_found(bend_hz)
         if springs is not None or not is_better:
             break
-    known = [f for f in (*(h.found(given) for h in habits), springs, older) if f is not None]
+    known = [h.found(mine.rig) for h, _ in habits]
+    known += [f for f in (springs, older) if f is not None]
     strange = set(check_runs(loaded, mine.rig)) - set(check_runs(loaded, given))
     # what is said of the files kept with runs is said of the file given, not of a twin's
     own = [f for f in mine.located.findings if f not in strange]

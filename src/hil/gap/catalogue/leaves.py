@@ -52,6 +52,8 @@ WIDEST: Final = 0.5
 """Of how far an actuator moves, m or rad: in a wider gap it seldom meets both flanks."""
 DELAYS_S: Final = (0.001, 0.002, 0.003, 0.0045, 0.006, 0.008, 0.01, 0.0125, 0.015, 0.02)
 """Forces have the cycle of the setpoints in them, so a delay has a best value in each cycle."""
+IMU_DELAYS_S: Final = (*DELAYS_S, 0.03, 0.05, 0.08, 0.12)
+"""Of the IMU as a whole: it comes by a way of its own, through filters and other computers."""
 RATES: Final = (2e-5, 3e-4, 1e-3, 3e-3, 6e-3)
 """Of a clock, s/s: over a record even small ones move signals by more than any linear picture holds."""
 SWINGS_HZ: Final = (5.0, 8.0, 12.0, 18.0, 27.0, 40.0)
@@ -251,7 +253,7 @@ def _platform(problem: Problem) -> list[Leaf]:
         out += _sensor(channel, problem, None)
     if channels:
         late = "imu.sensor_latency.delay"
-        starts = tuple(Start({}, ({late: d},)) for d in DELAYS_S)
+        starts = tuple(Start({}, ({late: d},)) for d in IMU_DELAYS_S)
         out.append(Leaf("sensor_latency", "imu", (late,), starts, None))
         linear("sensor_scale", "imu", ("scale",))
         linear("sensor_misalignment", "imu", "xyz")

@@ -139,7 +139,9 @@ class Located:
                 for f in self.nuisances
             ],
             "findings": [
-                {"severity": f.severity, "subject": f.subject, "text": f.text} for f in self.findings
+                {"severity": f.severity, "subject": f.subject, "text": f.text}
+                | ({} if f.belongs is None else {"belongs": f.belongs})
+                for f in self.findings
             ],
         }  # fmt: skip
 

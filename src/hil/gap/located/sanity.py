@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,8 @@ class Finding:
     subject: str
     """Signal, actuator or run."""
     text: str
+    belongs: Any = None
+    """What belongs into the rig file at the key `subject`, one for each actuator where the key is theirs."""
 
 
 def fewer(every: int) -> Finding:
