@@ -128,6 +128,8 @@ def consider(
         nuisances = as_found(found, _nuisances(found.evidence.problem))
     say("locating the gap")
     located = locate(loaded, rig, nuisances=nuisances, healthy=found, seed=seed)
+    if not healthy:
+        located, habits = _as_usual(loaded, located, seed)
     mine, parts = _considered(located, nuisances, without, seed, say)
     for habit in HABITS if not healthy else ():
         share = share_of(habit, mine.located)
@@ -188,6 +190,20 @@ def _considered(
         fits = rounded(c, fits, steps)
     held = ~parts.train(whole)
     return Considered(located, c, tuple(fits), bank, held, parts.text, is_large), parts
+
+
+def _as_usual(
+    loaded: Sequence[Run], located: Located, seed: int
+) -> tuple[Located, list[tuple[Habit, float]]]:
+    """What was located, by a twin with habits that no effect is like where those leave no gap; and which."""
+    for habit in (h for h in HABITS if h.is_unlike and located.is_gap):
+        share = share_of(habit, located)
+        if share != 0.0:
+            rig = located.evidence.problem.rig
+            other = locate(loaded, habit.twin(rig, share), seed=seed)
+            if not other.is_gap:
+                return other, [(habit, share)]
+    return located, []
 
 
 def _springs_found(bend_hz: float) -> Finding:

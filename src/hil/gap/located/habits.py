@@ -59,6 +59,9 @@ class Habit:
     shares: tuple[float, float] = (-math.inf, math.inf)
     """Which ones can be."""
     told: float = TOLD
+    """Of what calibration leaves, in energy, that it must explain."""
+    is_unlike: bool = False
+    """Whether no effect does the like: where a twin with it leaves no gap, none is weighed against it."""
 
     def found(self, twin: RigFile) -> Finding:
         """What the reader must know where a rig was found to have it, as `twin` has."""
@@ -142,6 +145,7 @@ FEEDS: Final = Habit(
         f"the drives feed {twin.actuators[0].static_ff:g} of the static force forward beside their cascade: "
         f'the twin does so with them; "{twin.actuators[0].law}" belongs into the rig file'
     ),
+    is_unlike=True,
 )  # fmt: skip
 WEIGHS: Final = Habit(
     "actuators.leg", "legs that weigh something", _may_weigh, _weighing,
