@@ -8,7 +8,9 @@ import pytest
 
 import hil.gap.judged.clear as module
 from hil.gap.fits.evidence import Weighed
+from hil.gap.judged import causes
 from hil.gap.judged.clear import clear
+from hil.gap.judged.diagnosis import ParameterValue
 
 
 def weighed(nats: float, *names: str, prior: float = 0.0) -> Weighed:
@@ -81,3 +83,27 @@ def test_what_answers_as_a_finding_does_is_one_as_well(found, monkeypatch):
     assert found(some, 0.9) == [("sensor_bias",)], "a scale always acts and must show more"
     monkeypatch.setattr(module, "distance", lambda c, a, b: 0.05)
     assert found(some, 0.9) == [("sensor_bias",), ("sensor_scale",)]
+
+
+def test_what_may_as_well_be_nothing_is_not_named_beside_others(monkeypatch):
+    reach = {
+        "coulomb_friction": (20.0, 40.0),
+        "transport_delay": (-2e-4, 1e-3),
+        "lost_frames": (0.0, 0.01),
+    }
+
+    def intervals(c, f, leaf, worth):
+        return {"value": ParameterValue(0.0, reach[leaf.effect], "1", False)}
+
+    monkeypatch.setattr(causes, "_parameters", intervals)
+    table = {f"axis.{n}.value": SimpleNamespace(neutral=0.0) for n in reach}
+    c = SimpleNamespace(problem=SimpleNamespace(table=table))
+    late, lost, rubs = (
+        weighed(300.0, "coulomb_friction", "transport_delay"),
+        weighed(290.0, "coulomb_friction", "lost_frames"),
+        weighed(200.0, "coulomb_friction"),
+    )
+    left = causes.without_doubtful(c, [late, lost, rubs], 1.0)
+    assert [w.fit for w in left] == [lost.fit, rubs.fit]
+    assert sum(w.probability for w in left) == pytest.approx(1.0)
+    assert causes.without_doubtful(c, [late], 1.0)[0].fit is late.fit

@@ -54,8 +54,8 @@ class Habit:
     """The rig file with it, of so large a share where it has a size."""
     text: Callable[[RigFile], str]
     """What is said of a rig whose twin is that."""
-    free: str = "."
-    """Ending of the nuisances that it moves of itself: they are free where a record is asked."""
+    free: tuple[str, ...] = ()
+    """Endings of the nuisances that it moves of itself: they are free where a record is asked."""
     shares: tuple[float, float] = (-math.inf, math.inf)
     """Which ones can be."""
     told: float = TOLD
@@ -135,7 +135,7 @@ RESTS: Final = Habit(
         f"the drives stand still for a tick of {1e3 * twin.bus.position_loop:g} ms at each setpoint: the "
         f'twin rests with them; "{twin.bus.interpolation}" belongs into the rig file'
     ),
-    free="transport_delay.delay",
+    free=("transport_delay.delay",),
     told=0.01,
 )  # fmt: skip
 """Drives that rest are later by about half a tick: how late setpoints are is free."""
@@ -145,6 +145,7 @@ FEEDS: Final = Habit(
         f"the drives feed {twin.actuators[0].static_ff:g} of the static force forward beside their cascade: "
         f'the twin does so with them; "{twin.actuators[0].law}" belongs into the rig file'
     ),
+    shares=(HELD, math.inf),
     is_unlike=True,
 )  # fmt: skip
 WEIGHS: Final = Habit(
