@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hil.cli.app import app
+from hil.config import LegMass
 from hil.configfile import find_rig_file, load_bicycle, load_rig
 from hil.control.friction import known_friction
 from hil.control.trajectory import CueTrajectory
@@ -160,13 +161,13 @@ def test_drives_that_were_found_to_feed_static_force_forward_do_so_in_the_file(t
 
 def test_legs_that_were_found_to_weigh_something_do_so_in_the_file(tmp_path):
     own = find_rig_file("motorcycle").read_text(encoding="utf-8")
-    half = {"lower_mass": 1.23456, "lower_cog": 0.2, "lower_inertia": 0.01}
-    half |= {k.replace("lower", "upper"): x for k, x in half.items()}
-    nothing = dict.fromkeys(half, 0.0)
+    nothing = LegMass().model_dump()
+    half = {**nothing, "lower_mass": 1.23456, "upper_mass": 1.23456, "is_fed": False}
     weighing = told("actuators.leg", [half, half, nothing])
     said = {**answer(verdict="no_gap"), "rig": "motorcycle", "findings": [weighing]}
     text = applied_text(own, said, when="x")
-    assert [a.leg.lower_mass for a in read(text, tmp_path).actuators] == [1.23, 1.23, 0.0]
+    legs = [a.leg for a in read(text, tmp_path).actuators]
+    assert [(x.lower_mass, x.is_fed) for x in legs] == [(1.23, False), (1.23, False), (0.0, True)]
     assert text.count("weighed nothing; hil gap diagnose") == 2
 
 

@@ -56,6 +56,9 @@ class LegMass(Settings):
     upper_inertia: NonNegative = Field(
         0.0, description="its inertia across the leg, about its cog, kg·m²"
     )
+    is_fed: bool = Field(
+        True, description="whether the static force that is fed forward reckons with it"
+    )
 
 
 class DriveNode(Settings):

@@ -114,7 +114,9 @@ def _write_habit(doc: Any, rig: AnyRig, finding: Answer, origin: str) -> None:
         if isinstance(own, Mapping):
             if dict(own) != before.model_dump():
                 inline = tomlkit.inline_table()
-                inline.update({k: float(f"{x:.3g}") for k, x in own.items()})
+                inline.update(
+                    {k: x if isinstance(x, bool) else float(f"{x:.3g}") for k, x in own.items()}
+                )
                 set_value(line, key, inline, f"weighed nothing; {origin}")
         elif own != before:
             set_value(line, key, own, f"was {before}; {origin}")

@@ -90,6 +90,13 @@ def pack_legs(rig: RigFile) -> Array:
     )
 
 
+def pack_fed_legs(rig: RigFile) -> Array:
+    """`pack_legs` as the static force that is fed forward knows them."""
+    legs = pack_legs(rig)
+    legs[[not a.leg.is_fed for a in rig.actuators]] = 0.0
+    return legs
+
+
 def pack_gravity(rig: RigFile) -> Array:
     """Gravity vector in the base frame of a level rig, m/s²."""
     return np.array([0.0, 0.0, -rig.mass.gravity])

@@ -3,7 +3,8 @@
 Parameters: n actuator blocks (effects, then four effects for each answered quantity), then platform,
 IMU channels, whole IMU, clocks, bus, and six coordinates of the joints of each actuator.
 Model: header, actuators' constants (rows of n), geometry twice (with and without effects), body twice,
-gravity twice, legs, IMU. State: rows of n, then the IMU filter's twelve values and the tick.
+gravity twice, legs twice (as they are, as drives know them), IMU. State: rows of n, then the IMU filter's
+twelve values and the tick.
 """
 
 from __future__ import annotations

@@ -276,7 +276,7 @@ def step(kind, views, st, mem, force, h):  # type: ignore[no-untyped-def]
     `views` of the model as `model.split` gives them, `mem` from `memory`.
     """
     n = st.shape[1]
-    act, geometry, _, body, _, gravity, _, legs, _ = views
+    act, geometry, _, body, _, gravity, _, legs, _, _ = views
     w, (M, J, S), (Y, W, K), (q, qd, bias, rho, jdqd), own = mem
     for a in range(n):
         q[a] = st[lay.S_Q, a] + 0.5 * h * st[lay.S_QD, a]

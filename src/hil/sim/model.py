@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 from hil.compiled import compiled
 from hil.config import RigFile
 from hil.errors import ConfigError
-from hil.rigs.pack import kind_code, pack_body, pack_geometry, pack_gravity, pack_legs
+from hil.rigs.pack import (
+    kind_code,
+    pack_body,
+    pack_fed_legs,
+    pack_geometry,
+    pack_gravity,
+    pack_legs,
+)
 from hil.sim import layout as lay
 
 Array = NDArray[np.float64]
@@ -51,7 +58,7 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
     ]  # fmt: skip
     return np.concatenate(
         [header, _pack_actuators(rig).ravel(), geometry, geometry, body, body, gravity, gravity,
-         pack_legs(rig).ravel(), _pack_imu(rig)]
+         pack_legs(rig).ravel(), pack_fed_legs(rig).ravel(), _pack_imu(rig)]
     ).astype(np.float64)  # fmt: skip
 
 
@@ -136,7 +143,7 @@ def _pack_imu(rig: RigFile) -> Array:
 @compiled
 def split(model):  # type: ignore[no-untyped-def]
     """Views: actuators (A_ROWS, n), geometry, nominal geometry, body, nominal body, gravity, nominal
-    gravity, legs (n, 6), IMU."""
+    gravity, legs (n, 6), legs that are fed forward, IMU."""
     n = int(model[lay.H_N])
     ng = int(model[lay.H_GEOMETRY])
     a = lay.HEADER
@@ -145,6 +152,7 @@ def split(model):  # type: ignore[no-untyped-def]
     d = c + 2 * lay.BODY
     e = d + 2 * lay.GRAVITY
     f = e + lay.LEG * n
+    g = f + lay.LEG * n
     return (
         model[a:b].reshape((lay.A_ROWS, n)),
         model[b : b + ng],
@@ -154,7 +162,8 @@ def split(model):  # type: ignore[no-untyped-def]
         model[d : d + lay.GRAVITY],
         model[d + lay.GRAVITY : e],
         model[e:f].reshape((n, lay.LEG)),
-        model[f : f + lay.IMU],
+        model[f:g].reshape((n, lay.LEG)),
+        model[g : g + lay.IMU],
     )
 
 
@@ -164,7 +173,7 @@ def apply_parameters(base, p, out):  # type: ignore[no-untyped-def]
     for c in range(base.shape[0]):
         out[c] = base[c]
     n = int(base[lay.H_N])
-    act, geometry, _, body, _, gravity, _, _, imu = split(out)
+    act, geometry, _, body, _, gravity, _, _, _, imu = split(out)
     for i in range(n):
         x = p[i * lay.ACTUATOR_BLOCK : i * lay.ACTUATOR_BLOCK + lay.ACTUATOR_SIZE]
         act[lay.A_COULOMB_POS, i] += x[lay.P_COULOMB] + x[lay.P_ASYM_POS]

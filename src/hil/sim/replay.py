@@ -67,7 +67,7 @@ def replay(  # type: ignore[no-untyped-def]
         out[:] = np.nan
         return
     views = split(model)
-    act, imu = views[0], views[8]
+    act, imu = views[0], views[9]
     st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))
     tail = state[lay.S_ROWS * n :]
     groups = s_signal.shape[0]

@@ -66,7 +66,7 @@ def _at_rest(act, st, i, load):  # type: ignore[no-untyped-def]
 def _unbalanced(model, views, st, modes, target, own, M, J, A, load, nominal, b):  # type: ignore[no-untyped-def]
     """Evaluate the pose in the state: fills J, load, wind-up and current; b (n,) is what each actuator's
     position lacks, divided by the slope of its encoder. Returns the largest lack, m."""
-    act, geometry, geometry0, body, body0, gravity, gravity0, legs, _ = views
+    act, geometry, geometry0, body, body0, gravity, gravity0, legs, legs0, _ = views
     kind, n = int(model[lay.H_KIND]), st.shape[1]
     still, jdqd, q = np.zeros(n), np.empty(n), st[lay.S_Q]
     rho = st[lay.S_RHO]
@@ -76,7 +76,7 @@ def _unbalanced(model, views, st, modes, target, own, M, J, A, load, nominal, b)
             A[i, j] = J[j, i]
     solve_square(A, load)
     if model[lay.H_STATIC_FF] != 0.0:
-        static_forces(statics_memory(n), kind, geometry0, body0, legs, gravity0, q, nominal)
+        static_forces(statics_memory(n), kind, geometry0, body0, legs0, gravity0, q, nominal)
     worst = 0.0
     for i in range(n):
         e, reading, ratio, force = _at_rest(act, st, i, load[i])
@@ -99,7 +99,7 @@ def rest(model, target, modes, q_guess, state):  # type: ignore[no-untyped-def]
     makes it worse. Returns the largest position error left, m: above REST_M there is no such rest.
     """
     views = split(model)
-    act, gravity, imu = views[0], views[5], views[8]
+    act, gravity, imu = views[0], views[5], views[9]
     n = int(model[lay.H_N])
     for c in range(state.shape[0]):
         state[c] = 0.0

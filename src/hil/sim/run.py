@@ -53,7 +53,7 @@ def tick_memory(model, imu):  # type: ignore[no-untyped-def]
 @inner
 def tick(model, views, st, tail, mem, with_imu):  # type: ignore[no-untyped-def]
     """From the tick the state stands at to the next; `views` of the model, `mem` from `tick_memory`."""
-    act, _, geometry0, _, body0, gravity, gravity0, legs, imu = views
+    act, _, geometry0, _, body0, gravity, gravity0, _, legs0, imu = views
     mechanics, force, rates, coefficients, sensed, statics = mem
     kind, n = int(model[lay.H_KIND]), st.shape[1]
     k = tail[lay.S_TAIL - 1]
@@ -62,7 +62,7 @@ def tick(model, views, st, tail, mem, with_imu):  # type: ignore[no-untyped-def]
     if int(k) % int(model[lay.H_POSITION_TICKS]) == 0:
         if model[lay.H_STATIC_FF] != 0.0:
             q, into = st[lay.S_Q], st[lay.S_STATIC]
-            static_forces(statics, kind, geometry0, body0, legs, gravity0, q, into)
+            static_forces(statics, kind, geometry0, body0, legs0, gravity0, q, into)
         position_loops(model, act, st, t)
     speed_loops(model, act, st, t)
     h = model[lay.H_DT] / substeps
@@ -96,7 +96,7 @@ def advance(model, state, events, count, ring, to_s):  # type: ignore[no-untyped
     k = int(tail[lay.S_TAIL - 1])
     if k * dt >= to_s - EPSILON_S:
         return count
-    mem = tick_memory(model, views[8])
+    mem = tick_memory(model, views[9])
     with_imu = model[lay.H_IMU] != 0.0
     while k * dt < to_s - EPSILON_S:
         if count > 0:

@@ -42,7 +42,7 @@ class World:
     head: Array
     act: Array
     true: tuple[Array, Array, Array]
-    nominal: tuple[Array, Array, Array]
+    nominal: tuple[Array, Array, Array, Array]
     legs: Array
     imu: Array
     setpoint_delay_s: Array

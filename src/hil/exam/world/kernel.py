@@ -155,7 +155,7 @@ def simulate(rig, start, events, asking, samples, out):  # type: ignore[no-untyp
     mode, slosh, frame = np.zeros(6), np.zeros(6), np.zeros(6)
     filtered, filter_rate, sensed = np.zeros(6), np.zeros(6), np.zeros(6)
     load, fed = np.empty(n), np.empty(n)
-    _static_load(kind, nominal[0], nominal[1], legs, nominal[2], q, own, fed)
+    _static_load(kind, nominal[0], nominal[1], nominal[3], nominal[2], q, own, fed)
     _static_load(kind, geometry, body, legs, gravity, q, own, load)
     terms_in(own, kind, geometry, body, legs, gravity, q, qd, M, bias, rho, J, jdqd)
     t = -head[lay.H_SETTLE]
@@ -204,7 +204,14 @@ def simulate(rig, start, events, asking, samples, out):  # type: ignore[no-untyp
                     own_nominal = load
                     if i == 0:
                         _static_load(
-                            kind, nominal[0], nominal[1], legs, nominal[2], q, own, own_nominal
+                            kind,
+                            nominal[0],
+                            nominal[1],
+                            nominal[3],
+                            nominal[2],
+                            q,
+                            own,
+                            own_nominal,
                         )
                     st[lay.S_STATIC, i] = own_nominal[i]
                 position_tick(head, act, st, i, t)

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.exam.world import layout as lay
 from hil.exam.world.body import World
-from hil.rigs.pack import kind_code, pack_body, pack_geometry, pack_gravity, pack_legs
+from hil.rigs.pack import (
+    kind_code,
+    pack_body,
+    pack_fed_legs,
+    pack_geometry,
+    pack_gravity,
+    pack_legs,
+)
 from hil.runs.folder import run_mode
 
 Array = NDArray[np.float64]
@@ -45,7 +52,7 @@ def scattered(rig: RigFile, rng: np.random.Generator, size: float) -> World:
 
     geometry, gravity = pack_geometry(rig), pack_gravity(rig)
     body = pack_body(rig)
-    nominal = (geometry.copy(), body.copy(), gravity.copy())
+    nominal = (geometry.copy(), body.copy(), gravity.copy(), pack_fed_legs(rig))
     body[0] *= 1.0 + float(off(0.007))
     body[1:4] += off(0.002, 3)
     body[4:7] *= 1.0 + off(0.01, 3)

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -31,9 +32,9 @@ from hil.gap.record.problem import Problem
 HELD: Final = 0.1
 """Share of a habit, either way (when within a cycle force is sampled is not told exactly), from which on a
 record may hold it [set on tuning seeds: 0.03 at most where drives do not rest and nothing is viscous]."""
-TOLD: Final = 0.002
+TOLD: Final = 0.001
 """Of what calibration leaves, in energy, that it must explain [set on tuning seeds: legs of 2.5 kg on a
-platform of 450 kg 0.007, legs that weigh nothing 2e-6]."""
+platform of 450 kg 0.0014 and 0.007, legs that weigh nothing 8e-5 at most]."""
 LEGS: Final = 0.05
 """Of the platform's mass, what all legs together weigh where the share of their habit is 1 [R]."""
 HEAVIEST: Final = 2.0
@@ -112,8 +113,8 @@ def _may_weigh(rig: RigFile) -> bool:
     return bool(legs) and all(a.leg == LegMass() for a in legs)
 
 
-def _weighing(rig: RigFile, share: float = 1.0) -> RigFile:
-    """Each half of a leg is a slender rod, half as long as the leg at home."""
+def _weighing(is_fed: bool, rig: RigFile, share: float) -> RigFile:
+    """Each half of a leg is a slender rod, half as long as the leg at home; `is_fed`: drives know of it."""
     legs = _legs(rig)
     half = 0.5 * share * LEGS * rig.mass.m / len(legs)
 
@@ -121,7 +122,7 @@ def _weighing(rig: RigFile, share: float = 1.0) -> RigFile:
         inertia = half * (0.5 * a.home) ** 2 / 12.0
         leg = LegMass(
             lower_mass=half, lower_cog=0.25 * a.home, lower_inertia=inertia,
-            upper_mass=half, upper_cog=0.25 * a.home, upper_inertia=inertia,
+            upper_mass=half, upper_cog=0.25 * a.home, upper_inertia=inertia, is_fed=is_fed,
         )  # fmt: skip
         return a.model_copy(update={"leg": leg})
 
@@ -148,15 +149,22 @@ FEEDS: Final = Habit(
     shares=(HELD, math.inf),
     is_unlike=True,
 )  # fmt: skip
-WEIGHS: Final = Habit(
-    "actuators.leg", "legs that weigh something", _may_weigh, _weighing,
-    lambda twin: (
-        f"the legs weigh about {2.0 * _legs(twin)[0].leg.lower_mass:.2g} kg each, as it seems, and nothing "
-        "by the rig file: those of the twin do so"
-    ),
-    shares=(HELD, HEAVIEST),
-)  # fmt: skip
-HABITS: Final = (RESTS, FEEDS, WEIGHS)
+
+
+def _weighs(is_fed: bool, and_drives: str) -> Habit:
+    return Habit(
+        "actuators.leg", f"legs that weigh something, {and_drives}", _may_weigh, partial(_weighing, is_fed),
+        lambda twin: (
+            f"the legs weigh about {2.0 * _legs(twin)[0].leg.lower_mass:.2g} kg each, as it seems, "
+            f"{and_drives}; by the rig file they weigh nothing: those of the twin do"
+        ),
+        shares=(HELD, HEAVIEST),
+    )  # fmt: skip
+
+
+WEIGHS: Final = _weighs(True, "and drives reckon with it")
+LOADS: Final = _weighs(False, "and drives do not know of it")
+HABITS: Final = (RESTS, FEEDS, WEIGHS, LOADS)
 
 
 def share_of(habit: Habit, located: Located) -> float:
