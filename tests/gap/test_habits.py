@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hil.configfile import load_rig
-from hil.gap.located.habits import FEEDS, RESTS, share_of
+from hil.gap.located.habits import FEEDS, LOADS, RESTS, WEIGHS, share_of
 from hil.gap.located.locate import locate
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
@@ -72,3 +72,10 @@ def test_only_cascades_with_a_share_to_feed_are_asked_for_it():
     assert not FEEDS.may(AXIS)
     assert not FEEDS.may(FEEDS.twin(SWINGING, 1.0))
     assert not FEEDS.may(load_rig("stewart_pd"))
+
+
+def test_what_drives_know_of_legs_is_asked_where_they_feed_static_force_forward():
+    assert LOADS.may(load_rig("stewart_pd"))
+    assert WEIGHS.may(load_rig("stewart"))
+    assert not LOADS.may(load_rig("stewart"))
+    assert not WEIGHS.may(AXIS)

@@ -334,3 +334,19 @@ def test_a_drive_that_feeds_static_force_forward_takes_a_load_over_without_a_jum
     np.testing.assert_allclose([plant.position(i) for i in range(6)], start, atol=1e-5)
     plant.advance(1.0)
     np.testing.assert_allclose([plant.force(i) for i in range(6)], STEWART_STATIC, atol=0.5)
+
+
+def test_drives_that_do_not_know_of_legs_sag_under_their_weight() -> None:
+    leg = {"lower_mass": 1.5, "lower_cog": 0.35, "upper_mass": 1.0, "upper_cog": 0.3}
+    heavy = changed(load_rig("stewart_pd"), {"leg": leg})
+    blind = changed(load_rig("stewart_pd"), {"leg": {**leg, "is_fed": False}})
+    weight = build_rig(heavy).static_forces(np.zeros(6)) - STEWART_STATIC
+    a = heavy.actuators[0]
+    held = []
+    for rig in (heavy, blind):
+        plant = Plant(rig)
+        plant.reset(np.zeros(6), mode="position")
+        held.append([plant.position(i) for i in range(6)])
+    sag = np.array(held[0]) - np.array(held[1])
+    np.testing.assert_allclose(sag, a.static_ff * weight / a.position_gain, rtol=0.01)
+    assert np.all(sag > 1e-5)

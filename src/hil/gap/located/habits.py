@@ -90,7 +90,7 @@ def _may_rest(rig: RigFile) -> bool:
     )
 
 
-def _resting(rig: RigFile, _: float = 1.0) -> RigFile:
+def _resting(rig: RigFile, _: float) -> RigFile:
     bus = rig.bus.model_copy(update={"interpolation": "linear_rests"})
     return rig.model_copy(update={"bus": bus})
 
@@ -99,7 +99,7 @@ def _may_feed(rig: RigFile) -> bool:
     return all(a.law == "cascade" and a.static_ff > 0.0 for a in rig.actuators)
 
 
-def _feeding(rig: RigFile, _: float = 1.0) -> RigFile:
+def _feeding(rig: RigFile, _: float) -> RigFile:
     actuators = (a.model_copy(update={"law": "cascade_static"}) for a in rig.actuators)
     return rig.model_copy(update={"actuators": tuple(actuators)})
 
@@ -111,6 +111,11 @@ def _legs(rig: RigFile) -> list[Actuator]:
 def _may_weigh(rig: RigFile) -> bool:
     legs = _legs(rig)
     return bool(legs) and all(a.leg == LegMass() for a in legs)
+
+
+def _may_load(rig: RigFile) -> bool:
+    """Where drives feed nothing forward, what they know of legs makes no difference."""
+    return _may_weigh(rig) and any(a.law != "cascade" and a.static_ff > 0.0 for a in rig.actuators)
 
 
 def _weighing(is_fed: bool, rig: RigFile, share: float) -> RigFile:
@@ -151,9 +156,9 @@ FEEDS: Final = Habit(
 )  # fmt: skip
 
 
-def _weighs(is_fed: bool, and_drives: str) -> Habit:
+def _weighs(is_fed: bool, may: Callable[[RigFile], bool], and_drives: str) -> Habit:
     return Habit(
-        "actuators.leg", f"legs that weigh something, {and_drives}", _may_weigh, partial(_weighing, is_fed),
+        "actuators.leg", f"legs that weigh something, {and_drives}", may, partial(_weighing, is_fed),
         lambda twin: (
             f"the legs weigh about {2.0 * _legs(twin)[0].leg.lower_mass:.2g} kg each, as it seems, "
             f"{and_drives}; by the rig file they weigh nothing: those of the twin do"
@@ -162,8 +167,8 @@ def _weighs(is_fed: bool, and_drives: str) -> Habit:
     )  # fmt: skip
 
 
-WEIGHS: Final = _weighs(True, "and drives reckon with it")
-LOADS: Final = _weighs(False, "and drives do not know of it")
+WEIGHS: Final = _weighs(True, _may_weigh, "and drives reckon with it")
+LOADS: Final = _weighs(False, _may_load, "and drives do not know of it")
 HABITS: Final = (RESTS, FEEDS, WEIGHS, LOADS)
 
 
