@@ -3,11 +3,13 @@
 import math
 from dataclasses import replace
 
+import pytest
+
 from hil.config import LegMass
 from hil.configfile import load_rig
 from hil.exam.world import Scatter, build_world, play
 from hil.gap.diagnose import diagnose
-from hil.gap.located.habits import FEEDS, LEGS, RESTS, WEIGHS, share_of
+from hil.gap.located.habits import FEEDS, LEGS, LOADS, RESTS, WEIGHS, share_of
 from hil.gap.located.locate import locate
 from hil.gap.record.runs import as_runs
 from tests.exam.worlds import sway
@@ -94,15 +96,16 @@ def test_an_effect_is_named_beside_static_force_fed_forward():
     assert named(answer) == [("coulomb_friction", "axis")]
 
 
-def test_legs_that_weigh_something_are_seen_and_legs_that_do_not_are_not():
+@pytest.mark.parametrize(("habit", "is_fed"), [(WEIGHS, True), (LOADS, False)])
+def test_legs_that_weigh_something_are_seen_and_legs_that_do_not_are_not(habit, is_fed):
     heavy = LegMass(
         lower_mass=2.0, lower_cog=0.35, lower_inertia=0.05,
-        upper_mass=1.5, upper_cog=0.3, upper_inertia=0.03,
+        upper_mass=1.5, upper_cog=0.3, upper_inertia=0.03, is_fed=is_fed,
     )  # fmt: skip
     shares = []
     for leg in (LegMass(), heavy):
         run = hexapod(leg)
-        shares.append(share_of(WEIGHS, locate([run], run.rig)))
+        shares.append(share_of(habit, locate([run], run.rig)))
     assert shares[0] == 0.0
     kg = 0.5 * LEGS * run.rig.mass.m * shares[1] / 6.0
     assert 0.4 < kg < 2.5  # of each half
