@@ -41,6 +41,13 @@ def pushed(rig: RigFile, forces: np.ndarray, noise_m: float = 0.0, seed: int = 1
     return Stretch("pushed", told, samples, "force")
 
 
+def as_frame(piece: Stretch) -> pd.DataFrame:
+    """The stretch as a record."""
+    columns = {"axis.force_setpoint": piece.setpoints["axis"], **piece.samples}
+    each = [pd.DataFrame({"t": t, name: v}) for name, (t, v) in columns.items()]
+    return pd.concat(each).groupby("t", as_index=False).first()
+
+
 def test_a_twin_that_knows_all_is_not_led_anywhere() -> None:
     piece = pushed(AXIS, 60.0 * np.sin(2 * np.pi * 0.8 * SENT_S))
     led = replay_led(AXIS, piece, ANSWERED)
@@ -227,16 +234,7 @@ def test_repeats_make_no_noise_of_set_forces_quieter_than_its_model() -> None:
 def test_a_slope_within_a_levels_tolerance_is_no_gap_where_no_loop_hides_it() -> None:
     sloped = AXIS.model_copy(update={"effects": (effect("base_tilt", "platform", pitch=0.0015),)})
     piece = pushed(sloped, 60.0 * np.sin(2 * np.pi * 0.8 * SENT_S), AXIS.noise.position)
-    columns = {
-        "axis.force_setpoint": piece.setpoints["axis"],
-        **{s: (t, v) for s, (t, v) in piece.samples.items()},
-    }
-    frame = (
-        pd.concat([pd.DataFrame({"t": t, name: v}) for name, (t, v) in columns.items()])
-        .groupby("t", as_index=False)
-        .first()
-    )
-    found = locate(frame, AXIS)
+    found = locate(as_frame(piece), AXIS)
     assert not found.is_gap
     (slope,) = (n for n in found.nuisances if n.name == "platform.base_tilt.pitch")
     assert slope.change == pytest.approx(0.0015, abs=3e-4)

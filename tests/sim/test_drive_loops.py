@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.rigs import build_rig
+from hil.sim import Twin
 from hil.sim.drive_loops import limited
 from hil.sim.plant import Plant
 from tests.sim.rigs import changed, effect, frictionless, with_effects
@@ -218,6 +219,23 @@ def test_linear_interpolation_is_one_cycle_and_a_delay_late() -> None:
     seen = reference_of(rig, sent, 0.1 * sent, t)
     # 0.6 ms to the drive, 0.4 ms to its next position tick, 10 ms interpolation
     np.testing.assert_allclose(seen, 0.1 * (t - 0.011), atol=2e-6)
+
+
+def test_forces_are_taken_at_once_or_drawn_out_over_a_cycle() -> None:
+    sent = np.arange(0.0, 0.5, 0.01)
+    t = np.arange(0.2, 0.45, 0.0033)
+    seen = {}
+    for how in ("hold", "linear"):
+        rig = changed(load_rig("axis"), {"coulomb": 0.0}, bus={"force_interpolation": how})
+        told = {"axis": (sent, 100.0 * sent)}
+        seen[how] = Twin(rig).replay(told, {"axis.force": t}, mode="force")["axis.force"]
+    # answers, a tick and a half of the speed loop, the current loop's lag
+    late = t - rig.bus.setpoint_delay - rig.bus.answer_delay
+    lag_s = 1.0 / (2.0 * np.pi * rig.actuators[0].current_hz) + 0.5 * rig.bus.speed_loop
+    held = 100.0 * 0.01 * np.floor(late / 0.01)
+    settled = late % 0.01 > 0.002
+    np.testing.assert_allclose(seen["hold"][settled], held[settled], atol=0.1)
+    np.testing.assert_allclose(seen["linear"], 100.0 * (late - 0.01 - lag_s), atol=0.01)
 
 
 def test_send_jitter_shows_unless_the_drive_plays_setpoints_on_its_own_clock() -> None:

@@ -32,6 +32,11 @@ class Bus(Settings):
         description="how the drive goes from setpoint to setpoint: along a line, along one that starts where "
         "its last tick was (so it rests for a tick at each setpoint), or at once",
     )
+    force_interpolation: Literal["hold", "linear"] = Field(
+        "hold",
+        description="how the drive goes from one force that it is told to the next: at once, or along a line "
+        "of a cycle",
+    )
     stagger: NonNegative = Field(
         0.0011, description="start of one drive's slot after the one before it (parameter), s"
     )

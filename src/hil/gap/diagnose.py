@@ -30,14 +30,16 @@ from hil.gap.judged.calmer import calmed
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.older import as_it_was
 from hil.gap.judged.verdict import answer, stands
-from hil.gap.located.habits import HABITS, Habit, share_of
+from hil.gap.located.habits import DRAWS, HABITS, Habit, share_of
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding, check_runs
+from hil.gap.record.lines import CLEAR, for_lines
 from hil.gap.record.problem import Problem
 from hil.gap.record.runs import as_runs
 from hil.gap.search.candidates import fit_candidates
 from hil.gap.search.linear import Search
+from hil.identify.replay import stretches
 from hil.runs import Run
 
 Report = Callable[[str], None]
@@ -110,7 +112,10 @@ def consider(
     given, loaded = rig, as_runs(runs, rig)
     healthy = as_runs(references, rig)
     found, nuisances, older, springs = None, None, None, None
-    habits: list[tuple[Habit, float]] = []
+    forced = [run for run in (*loaded, *healthy) if run.meta.mode == "force"]
+    nats = for_lines(rig, [piece for run in forced for piece in stretches(run)])
+    habits: list[tuple[Habit, float]] = [(DRAWS, 1.0)] if nats > CLEAR and DRAWS.may(rig) else []
+    rig = DRAWS.twin(rig, 1.0) if habits else rig
     if healthy:
         say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
@@ -129,7 +134,8 @@ def consider(
     say("locating the gap")
     located = locate(loaded, rig, nuisances=nuisances, healthy=found, seed=seed)
     if not healthy:
-        located, habits = _as_usual(loaded, located, seed)
+        located, usual = _as_usual(loaded, located, seed, may_draw=abs(nats) <= CLEAR)
+        habits += usual
     mine, parts = _considered(located, nuisances, without, seed, say)
     for habit in HABITS if not healthy else ():
         share = share_of(habit, mine.located)
@@ -193,13 +199,19 @@ def _considered(
 
 
 def _as_usual(
-    loaded: Sequence[Run], located: Located, seed: int
+    loaded: Sequence[Run], located: Located, seed: int, *, may_draw: bool
 ) -> tuple[Located, list[tuple[Habit, float]]]:
-    """What was located, by a twin with habits that no effect is like where those leave no gap; and which."""
-    for habit in (h for h in HABITS if h.is_unlike and located.is_gap):
-        share = share_of(habit, located)
+    """What was located, by a twin with habits that no effect is like where those leave no gap; and which.
+
+    `may_draw`: drives do not say whether they draw out what force they are told.
+    """
+    problem = located.evidence.problem
+    rig = problem.rig
+    unlike = [(h, share_of(h, located)) for h in HABITS if h.is_unlike and located.is_gap]
+    if may_draw and located.is_gap and problem.are_forces and DRAWS.may(rig):
+        unlike.append((DRAWS, 1.0))
+    for habit, share in unlike:
         if share != 0.0:
-            rig = located.evidence.problem.rig
             other = locate(loaded, habit.twin(rig, share), seed=seed)
             if not other.is_gap:
                 return other, [(habit, share)]

@@ -3,9 +3,10 @@
 Drive model of the project's rigs [M: CDD3000 class drive]: setpoints arrive each bus cycle T_c; the drive
 runs in a straight line to a new one over one T_c, from the first position-loop tick after its arrival, or
 jumps (`hold`). The line starts where the one before it would be by then (`linear`), or where the last tick
-was, so that the drive rests for a tick (`linear_rests`). `retimed`: setpoints wait in a queue and the drive
-takes one each T_c of its own clock, which starts one cycle after the first arrival, so send jitter below half
-a cycle does not show; where the next one has waited less (one before it was lost) the drive pauses a cycle.
+was, so that the drive rests for a tick (`linear_rests`). Forces that the drive is told it takes at once, or
+along such a line from their arrival on. `retimed`: setpoints wait in a queue and the drive takes one each
+T_c of its own clock, which starts one cycle after the first arrival, so send jitter below half a cycle does
+not show; where the next one has waited less (one before it was lost) the drive pauses a cycle.
 Law "cascade_static": the speed loop's force has K_s F_static beside it, as the law "pd" has [R].
 Law "pd": F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static ("Towards Simulating a Mid-size Stewart
 Platform on a Large Hexapod Simulator", eqs (7)-(8), with damping on the speed error [R]).
@@ -53,9 +54,9 @@ def set_mode(act, st, i, mode):  # type: ignore[no-untyped-def]
     st[lay.S_INTEGRAL, i] = carried if mode == lay.MODE_POSITION else 0.0
     st[lay.S_MODE, i] = mode
     st[lay.S_BRAKE, i] = 0.0 if mode == lay.MODE_POSITION else 1.0
-    st[lay.S_FORCE_SETPOINT, i] = 0.0
-    st[lay.S_X0, i] = st[lay.S_XD, i]
-    st[lay.S_X1, i] = st[lay.S_XD, i]
+    asked = st[lay.S_XD, i] if mode == lay.MODE_POSITION else 0.0
+    st[lay.S_X0, i] = asked
+    st[lay.S_X1, i] = asked
     for row in (
         lay.S_SLOPE, lay.S_AREF, lay.S_VREF, lay.S_FF, lay.S_HAS_PENDING, lay.S_FIFO_N, lay.S_FREF,
     ):  # fmt: skip
@@ -69,7 +70,7 @@ def set_mode(act, st, i, mode):  # type: ignore[no-untyped-def]
 def deliver(header, st, i, value, t):  # type: ignore[no-untyped-def]
     """A setpoint, meant as the drive's mode says, reaches drive i at instant t; mode off ignores it."""
     if st[lay.S_MODE, i] == lay.MODE_FORCE:
-        st[lay.S_FORCE_SETPOINT, i] = value
+        _start_segment(header, header[lay.H_FORCE_LINEAR], st, i, value, t)
         st[lay.S_BRAKE, i] = 0.0
     elif st[lay.S_MODE, i] == lay.MODE_POSITION:
         if header[lay.H_RETIMED] == 0.0:
@@ -98,21 +99,22 @@ def _drop_oldest(st, i, n):  # type: ignore[no-untyped-def]
 
 @inner
 def reference(st, i, t):  # type: ignore[no-untyped-def]
-    """(position, speed) that drive i's present segment asks for at instant t."""
+    """(position, speed), or (force, slope), that drive i's present segment asks for at instant t."""
     if t >= st[lay.S_T1, i] - EPSILON_S:
         return st[lay.S_X1, i], 0.0
     return st[lay.S_X0, i] + st[lay.S_SLOPE, i] * (t - st[lay.S_T0, i]), st[lay.S_SLOPE, i]
 
 
 @inner
-def _start_segment(header, st, i, target, t):  # type: ignore[no-untyped-def]
-    if header[lay.H_LINEAR] == 0.0:
+def _start_segment(header, lines, st, i, target, t):  # type: ignore[no-untyped-def]
+    """`lines`: how the drive goes there, as H_LINEAR says it."""
+    if lines == 0.0:
         st[lay.S_X1, i] = target
         st[lay.S_T1, i] = t
         return
     cycle = header[lay.H_CYCLE]
     asked = t
-    if header[lay.H_LINEAR] == lay.RESTS:
+    if lines == lay.RESTS:
         asked -= header[lay.H_DT] * header[lay.H_POSITION_TICKS]
     start, _ = reference(st, i, asked)
     # A segment that ended a moment ago (jitter) still counts as the speed before.
@@ -140,7 +142,7 @@ def _play(header, st, i, t):  # type: ignore[no-untyped-def]
         target = st[lay.S_FIFO, i]
         _drop_oldest(st, i, n)
         st[lay.S_FIFO_N, i] = n - 1
-        _start_segment(header, st, i, target, st[lay.S_PLAY, i])
+        _start_segment(header, header[lay.H_LINEAR], st, i, target, st[lay.S_PLAY, i])
     elif n == 0 and st[lay.S_PLAY, i] > st[lay.S_T1, i] + 2.0 * header[lay.H_CYCLE]:
         st[lay.S_IDLE, i] = 1.0
     st[lay.S_PLAY, i] += header[lay.H_CYCLE]
@@ -171,7 +173,7 @@ def position_loops(header, act, st, t):  # type: ignore[no-untyped-def]
                 start = st[lay.S_PENDING_T, i] + half
             if start <= t + EPSILON_S:
                 st[lay.S_HAS_PENDING, i] = 0.0
-                _start_segment(header, st, i, st[lay.S_PENDING, i], start)
+                _start_segment(header, header[lay.H_LINEAR], st, i, st[lay.S_PENDING, i], start)
         _play(header, st, i, t)
         x_ref, speed = reference(st, i, t)
         cycle_ends = st[lay.S_T0, i] + header[lay.H_CYCLE] - EPSILON_S
@@ -194,7 +196,8 @@ def speed_loops(header, act, st, t):  # type: ignore[no-untyped-def]
         if st[lay.S_MODE, i] == lay.MODE_OFF:
             st[lay.S_FREF, i] = 0.0
         elif st[lay.S_MODE, i] == lay.MODE_FORCE:
-            st[lay.S_FREF, i] = limited(st[lay.S_FORCE_SETPOINT, i], limit, knee)
+            told, _ = reference(st, i, t)
+            st[lay.S_FREF, i] = limited(told, limit, knee)
         elif act[lay.A_PD, i] != 0.0:
             _play(header, st, i, t)
             x_ref, speed = reference(st, i, t)

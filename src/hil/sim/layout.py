@@ -88,11 +88,21 @@ JOINTS_AT = BUS_AT + 2
 
 # --- model ------------------------------------------------------------------------------------------
 H_KIND, H_N, H_DT, H_POSITION_TICKS, H_CYCLE, H_SETPOINT_DELAY, H_LINEAR, H_RETIMED = range(8)
-H_SUBSTEPS, H_GEOMETRY, H_IMU, H_STATIC_FF, H_IMU_DELAY, H_ANSWER_DELAY, H_SMOOTH = range(8, 15)
-HEADER = 15
+(
+    H_SUBSTEPS,
+    H_GEOMETRY,
+    H_IMU,
+    H_STATIC_FF,
+    H_IMU_DELAY,
+    H_ANSWER_DELAY,
+    H_SMOOTH,
+    H_FORCE_LINEAR,
+) = range(8, 16)
+HEADER = 16
 """Header: kind, n, s per tick, ticks per position loop, s per cycle, s, flags, steps per tick, length of
 the geometry, whether there is an IMU, whether a static-force feed-forward acts, the group delay left in
-the IMU's answers s, delay of the drives' answers s, whether arrivals act between ticks."""
+the IMU's answers s, delay of the drives' answers s, whether arrivals act between ticks, whether forces that
+drives are told are drawn out in lines."""
 RESTS = 2.0
 INTERPOLATIONS = {"hold": 0.0, "linear": 1.0, "linear_rests": RESTS}
 """Values of H_LINEAR."""
@@ -118,16 +128,16 @@ BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
 (
     S_Q, S_QD, S_QDD, S_VM, S_RATE, S_RHO, S_WINDUP, S_CONTACT, S_HYST, S_SLIP, S_FRICTION, S_LOAD,
     S_CURRENT, S_FREF, S_INTEGRAL, S_VREF, S_FF, S_X0, S_X1, S_T0, S_T1, S_SLOPE, S_AREF,
-    S_MODE, S_BRAKE, S_FORCE_SETPOINT, S_PENDING, S_PENDING_T, S_HAS_PENDING,
+    S_MODE, S_BRAKE, S_PENDING, S_PENDING_T, S_HAS_PENDING,
     S_FIFO, S_FIFO_1, S_FIFO_2, S_FIFO_3, S_FIFO_T, S_FIFO_T1, S_FIFO_T2, S_FIFO_T3, S_FIFO_N,
     S_PLAY, S_IDLE, S_STATIC, S_XD, S_VD, S_BRISTLE, S_PULL,
-) = range(45)  # fmt: skip
-S_ROWS = 45
+) = range(44)  # fmt: skip
+S_ROWS = 44
 """Rows of the state: pose, its rates; motor velocity, actuator rate and position; wind-up of motor against
 load, contact, hysteresis, slip direction, friction force, transmitted force; current's force, force
-reference, integrator, speed reference, pre-control; segment of the setpoint; mode, brake; setpoints that
-wait; static force of the pose; position and velocity as the drive's encoder gives them; force of
-bent bristles; acceleration that leads a replay to what was measured."""
+reference, integrator, speed reference, pre-control; segment of the setpoint, position or force; mode,
+brake; setpoints that wait; static force of the pose; position and velocity as the drive's encoder gives
+them; force of bent bristles; acceleration that leads a replay to what was measured."""
 S_TAIL = 13
 """Twelve values of the IMU filter, then the tick."""
 

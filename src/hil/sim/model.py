@@ -55,6 +55,7 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
         bus.setpoint_delay, lay.INTERPOLATIONS[bus.interpolation], bus.retimed, substeps, len(geometry),
         rig.imu is not None, feeds_static, rig.imu.delay if rig.imu else 0.0,
         bus.answer_delay, smooth and bus.cycle > 1.5 * bus.position_loop,
+        lay.INTERPOLATIONS[bus.force_interpolation],
     ]  # fmt: skip
     return np.concatenate(
         [header, _pack_actuators(rig).ravel(), geometry, geometry, body, body, gravity, gravity,

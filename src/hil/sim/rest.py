@@ -148,7 +148,7 @@ def rest(model, target, modes, q_guess, state):  # type: ignore[no-untyped-def]
         set_mode(act, st, i, int(modes[i]))
         st[lay.S_FREF, i] = force
         if modes[i] == lay.MODE_FORCE:
-            st[lay.S_FORCE_SETPOINT, i] = force
+            st[lay.S_X1, i] = force
             st[lay.S_BRAKE, i] = 0.0
         elif modes[i] == lay.MODE_POSITION:
             st[lay.S_X0, i] = target[i]

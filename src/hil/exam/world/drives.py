@@ -43,7 +43,10 @@ def soft_limit(value, limit):  # type: ignore[no-untyped-def]
 def deliver(head, act, st, i, value, t):  # type: ignore[no-untyped-def]
     """A setpoint reaches drive i."""
     if head[lay.H_FORCES] != 0.0:
-        st[lay.S_REF, i] = value
+        st[lay.S_LEFT, i] = 1.0
+        if head[lay.H_FORCE_LINEAR] != 0.0:
+            st[lay.S_LEFT, i] = math.floor(head[lay.H_CYCLE] / act[lay.A_PERIOD_V, i] + 0.5)
+        st[lay.S_SLOPE, i] = (value - st[lay.S_REF, i]) / st[lay.S_LEFT, i]
         return
     if act[lay.O_ROUND, i] > 0.0:
         value = math.floor(value / act[lay.O_ROUND, i] + 0.5) * act[lay.O_ROUND, i]
@@ -134,6 +137,9 @@ def speed_tick(head, act, st, i, t):  # type: ignore[no-untyped-def]
     st[lay.S_SPEED, i] += (raw - st[lay.S_SPEED, i]) * min(1.0, period / act[lay.A_SPEED_TAU, i])
     error = st[lay.S_VREF, i] - st[lay.S_SPEED, i]
     if head[lay.H_FORCES] != 0.0:
+        if st[lay.S_LEFT, i] > 0.0:
+            st[lay.S_REF, i] += st[lay.S_SLOPE, i]
+            st[lay.S_LEFT, i] -= 1.0
         force = st[lay.S_REF, i]
     elif head[lay.H_PD] != 0.0:
         force = act[lay.A_KP, i] * (st[lay.S_NOW, i] - st[lay.S_READING, i]) + st[lay.S_FF, i]

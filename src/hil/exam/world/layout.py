@@ -12,14 +12,14 @@ from __future__ import annotations
     H_SLOSH_M, H_SLOSH_W, H_SLOSH_D, H_SLOSH_X, H_SLOSH_Y, H_SLOSH_Z,
     H_BASE_RATIO, H_BASE_W, H_BASE_D,
     H_LOSS_F, H_LOSS_T1, H_LOSS_T2, H_LOSS_PHASE,
-    H_PUSH_F, H_PUSH_W, H_PUSH_PHASE, H_PUSH_X, H_PUSH_Y, H_PUSH_Z, H_FORCES,
-) = range(35)  # fmt: skip
-HEADER = 35
+    H_PUSH_F, H_PUSH_W, H_PUSH_PHASE, H_PUSH_X, H_PUSH_Y, H_PUSH_Z, H_FORCES, H_FORCE_LINEAR,
+) = range(36)  # fmt: skip
+HEADER = 36
 """Kind of mechanism, integration step s, bus cycle s, whether setpoints are
 buffered, drawn out in lines, law "pd", IMU wanted, its bandwidth rad/s, time to settle before 0 s; the
 structural mode (mass kg, rad/s, damping ratio, place); slosh alike; the base frame on springs (mass ratio,
 rad/s, damping ratio); a counterbalance that fails now and then (N, two periods s, phase); a periodic push
-(N, rad/s, phase, direction); whether the drives are told forces."""
+(N, rad/s, phase, direction); whether the drives are told forces, and whether they draw those out in lines."""
 
 # --- actuators --------------------------------------------------------------------------------------
 (

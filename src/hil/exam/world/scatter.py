@@ -73,6 +73,7 @@ def scattered(rig: RigFile, rng: np.random.Generator, size: float) -> World:
     head[lay.H_PD] = any(a.law == "pd" for a in rig.actuators)
     head[lay.H_SETTLE] = SETTLE_S
     head[lay.H_FORCES] = run_mode(rig) == "force"
+    head[lay.H_FORCE_LINEAR] = rig.bus.force_interpolation == "linear"
     head[lay.H_MODE_M] = size * rng.uniform(0.01, 0.025) * rig.mass.m
     head[lay.H_MODE_W] = 2.0 * math.pi * rng.uniform(22.0, 45.0)
     head[lay.H_MODE_D] = rng.uniform(0.08, 0.2)

@@ -4,13 +4,16 @@
   would be by now, or from what its last tick asked for (`bus.interpolation`). The latter stands still for a
   tick each cycle: force that is sampled in step with setpoints then looks like drag in proportion to speed,
   on a healthy rig.
+- Drives that are told forces draw each out in a line, as they do positions (`bus.force_interpolation`): all
+  that they do is half a cycle later and smoother.
 - Drives feed the static force forward beside their cascade (law "cascade_static"). Their integrators have
   less to do, so that a load that changes with the pose leaves less of an error in the position.
 - Legs weigh something. Most rig files take them for massless; of two times 1 kg a leg a platform of 450 kg
   takes 1.3 % more force.
 
 A record is asked how much of the difference that a habit makes it holds. Where that is nothing, the rig has
-no such habit; where it is something, both twins are worth a look.
+no such habit; where it is something, both twins are worth a look. What drives make of forces they answer
+themselves (`hil.gap.record.lines`).
 """
 
 from __future__ import annotations
@@ -95,6 +98,11 @@ def _resting(rig: RigFile, _: float) -> RigFile:
     return rig.model_copy(update={"bus": bus})
 
 
+def _drawing(rig: RigFile, _: float) -> RigFile:
+    bus = rig.bus.model_copy(update={"force_interpolation": "linear"})
+    return rig.model_copy(update={"bus": bus})
+
+
 def _may_feed(rig: RigFile) -> bool:
     return all(a.law == "cascade" and a.static_ff > 0.0 for a in rig.actuators)
 
@@ -145,6 +153,15 @@ RESTS: Final = Habit(
     told=0.01,
 )  # fmt: skip
 """Drives that rest are later by about half a tick: how late setpoints are is free."""
+DRAWS: Final = Habit(
+    "bus.force_interpolation", "drives that draw out what force they are told",
+    lambda rig: rig.bus.force_interpolation == "hold", _drawing,
+    lambda twin: (
+        "the drives draw the forces that they are told out in lines of one cycle, so the twin does so with "
+        f'them; "{twin.bus.force_interpolation}" belongs into the rig file. Of a single actuator whose force '
+        f"is sampled just where setpoints come a delay of about {500.0 * twin.bus.cycle:g} ms looks the same"
+    ),
+)  # fmt: skip
 FEEDS: Final = Habit(
     "actuators.law", "drives that feed the static force forward", _may_feed, _feeding,
     lambda twin: (
@@ -170,6 +187,7 @@ def _weighs(is_fed: bool, may: Callable[[RigFile], bool], and_drives: str) -> Ha
 WEIGHS: Final = _weighs(True, _may_weigh, "and drives reckon with it")
 LOADS: Final = _weighs(False, _may_load, "and drives do not know of it")
 HABITS: Final = (RESTS, FEEDS, WEIGHS, LOADS)
+"""Those that a record is asked for by their share."""
 
 
 def share_of(habit: Habit, located: Located) -> float:

@@ -35,8 +35,9 @@ ALIKE: Final = 1.01
 
 
 def sided(rig: RigFile, piece: Stretch) -> Stretch:
-    """`piece` with its answered forces and currents on their sides; as it is in mode "position"."""
-    if piece.mode != "force":
+    """`piece` with its answered forces and currents on their sides; as it is in mode "position", and where
+    drives draw forces out: lines have no jumps."""
+    if piece.mode != "force" or rig.bus.force_interpolation != "hold":
         return piece
     moved = {}
     for a in rig.actuators:
