@@ -23,8 +23,8 @@ FINEST: Final = 0.02
 OUTLIER: Final = 4.0
 """Robust spreads from which on an answer says no more."""
 CLEAR: Final = 6.0
-"""Nats that tell [set on tuning seeds 5001 to 5003: 10 and more where drives draw lines, or 3 where answers
-are taken just where setpoints come; 2 at most where they do not]."""
+"""Nats that tell [set on tuning seeds 5001 to 5003, of all runs of a case: 10 and more where drives draw lines,
+or 3 where answers are taken just where setpoints come; 1 at most where they do not]."""
 
 
 def for_lines(rig: RigFile, pieces: Sequence[Stretch]) -> float:
