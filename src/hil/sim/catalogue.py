@@ -184,7 +184,7 @@ BICYCLE: Effects = {
         Spec("damping", "N·s/m", 500.0, 0.0, 1e5, 300.0),
     ),
     "tyre_compliance": (
-        Spec("stiffness", "N/m", math.inf, 2e4, math.inf, 3e5, "reciprocal"),
+        Spec("stiffness", "N/m", math.inf, 1e4, math.inf, 3e5, "reciprocal"),
         Spec("damping", "N·s/m", 200.0, 0.0, 1e5, 200.0),
     ),
     "rider_motion": (

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.config import BicycleFile
 from hil.gap.bicycle.intervals import widened
@@ -14,6 +15,7 @@ from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
 from hil.gap.bicycle.noise import tempered, with_tolerances
 from hil.gap.bicycle.problem import RideProblem
+from hil.gap.bicycle.road import slopes_of
 from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
 from hil.gap.bicycle.sets import fit_sets
 from hil.gap.bicycle.verdict import by_energy, twins, unsaid
@@ -36,6 +38,8 @@ from hil.gap.record.problem import Mask
 from hil.gap.search.linear import Search
 from hil.rigs.bicycle import with_usual_rider
 from hil.runs import Run
+
+Array = NDArray[np.float64]
 
 LARGE: Final = 3.0
 """Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
@@ -98,26 +102,72 @@ def _diagnosed(
     older: Finding | None = None
     if healthy:
         say("calibrating on the healthy references")
-        known = locate_rides(healthy, rig, seed=seed)
+        known = _as_ridden(healthy, rig, seed)
         if known.is_gap:
             say("the references differ from the model themselves: what explains that comes first")
             was = _diagnosed(healthy, rig, (), without, seed, say)
             if was.verdict != "no_gap":
                 effects, older = as_it_was(rig.effects, was)
                 rig = rig.model_copy(update={"effects": effects})
-                known = locate_rides(healthy, rig, seed=seed)
+                known = _as_ridden(healthy, rig, seed)
         nuisances = as_found(known, ride_nuisances(rig, known.evidence.problem))
+
+    def on(slopes: Sequence[Array]) -> Diagnosis:
+        return _on_road(loaded, rig, nuisances, slopes, without, seed, say)
+
     say("locating the gap")
-    located = locate_rides(loaded, rig, nuisances=nuisances, seed=seed)
-    if older is not None:
-        located = replace(located, findings=(*located.findings, older))
+    found, findings = on(()), () if older is None else (older,)
+    if slopes := _road(found.located, found.best):
+        say("once more on roads that rise and fall")
+        found, findings = on(slopes), (*findings, _rolling(slopes))
+    located = replace(found.located, findings=(*found.located.findings, *findings))
+    return replace(found, located=located)
+
+
+def _as_ridden(runs: Sequence[Run], rig: BicycleFile, seed: int) -> Located:
+    """Where rides differ from the model, on the roads that they were ridden on."""
+    level = locate_rides(runs, rig, seed=seed)
+    slopes = _road(level, None)
+    return locate_rides(runs, rig, seed=seed, slopes=slopes) if slopes else level
+
+
+def _road(located: Located, best: Fit | None) -> list[Array]:
+    """Slopes of the rides' roads, as what `best` leaves asks for them, or the nuisances alone; none where
+    roads may be level."""
+    e = located.evidence
+    assert isinstance(e.problem, RideProblem)
+    vector = e.vector if best is None else best.vector
+    left = e.residual if best is None else e.problem.residual(vector)
+    return slopes_of(e.problem, e.noise, vector, left)
+
+
+def _rolling(slopes: Sequence[Array]) -> Finding:
+    steepest = max(float(np.std(s)) for s in slopes)
+    return Finding(
+        "info", "road",
+        f"rises and falls by {1e3 * steepest:.1f} thousandths (rms), as the acceleration along says: the "
+        "twin rides that road",
+    )  # fmt: skip
+
+
+def _on_road(
+    loaded: Sequence[Run],
+    rig: BicycleFile,
+    nuisances: Sequence[Nuisance] | None,
+    slopes: Sequence[Array],
+    without: Collection[str],
+    seed: int,
+    say: Callable[[str], None],
+) -> Diagnosis:
+    """The diagnosis on roads of such slopes, level ones where there are none."""
+    located = locate_rides(loaded, rig, nuisances=nuisances, seed=seed, slopes=slopes)
     chosen = nuisances or list(ride_nuisances(rig, located.evidence.problem))
     steps = {} if ROUNDED in without else coarse_steps_of_rides(loaded, rig)
     found = _explained(located, chosen, steps, without, seed, say)
-    if (found.effects or not found.causes) and (far := _strained(found, located, chosen)):
+    if far := _strained(found, located, chosen):
         say(f"once more without what no calibration sets right: {', '.join(far)}")
         fewer = [_held(n) if n.name.rpartition(".")[0] in far else n for n in chosen]
-        anew = locate_rides(loaded, rig, nuisances=fewer, seed=seed)
+        anew = locate_rides(loaded, rig, nuisances=fewer, seed=seed, slopes=slopes)
         named = _explained(anew, fewer, steps, without, seed, say)
         if {(x.effect, x.location) for x in named.effects} > {
             (x.effect, x.location) for x in found.effects

@@ -21,6 +21,14 @@ STEER_ZERO: Final = 0.0026
 """rad: one step of the encoder."""
 RADIUS: Final = 0.002
 """Of a wheel's radius: tyre pressure and load [R]."""
+TURNS_BY: Final = 0.008
+"""Of the steer: what tyres of a round section and of a camber of their own turn a bicycle more or less by
+than wheels that are thin and roll where they point [R]."""
+TURNS_LATE_S: Final = 0.003
+"""By how much a bicycle turns later than it is steered: a tyre takes its side force up within some decimetres
+[R]."""
+ROLLING: Final = 0.5
+"""Of both, how far they go with speed, load and road."""
 IMU_BIAS: Final = 0.5
 """Of one sample's noise: what is left after zeroing at rest [R]. What a calibrated scale is off by is left of
 gravity besides."""
@@ -41,11 +49,14 @@ RATES: Final = (3e-4, 1e-3, 3e-3, 6e-3)
 
 
 def ride_nuisances(rig: BicycleFile, problem: Problem) -> tuple[Nuisance, ...]:
-    """Zeros of lean and steer, wheel radius, how the rider sits, the IMU's biases, mounting and time."""
+    """Zeros of lean and steer, wheel radius, how tyres turn, how the rider sits, the IMU's biases, mounting
+    and time."""
     out = [
         Nuisance("lean.sensor_bias.offset", LEAN_ZERO, "rad"),
         Nuisance("steer.sensor_bias.offset", STEER_ZERO, "rad"),
         Nuisance("rear_wheel.wheel_radius.scale", RADIUS, "1"),
+        Nuisance("steer.sensor_scale.scale", TURNS_BY, "1", drift=ROLLING),
+        Nuisance("steer.sensor_latency.delay", TURNS_LATE_S, "s", drift=ROLLING),
     ]
     if LEAN_TORQUE in problem.signals:
         out.append(Nuisance(f"{LEAN_TORQUE}.sensor_bias.offset", ASIDE, "N·m"))

@@ -41,8 +41,10 @@ def locate_rides(
     *,
     nuisances: Sequence[Nuisance] | None = None,
     seed: int = 0,
+    slopes: Sequence[Array] = (),
 ) -> Located:
-    """Locate the gap between rides and the bicycle's model; IdentificationError where channels lie."""
+    """Locate the gap between rides and the bicycle's model, on roads of those slopes where they are given
+    (`hil.gap.bicycle.road`); IdentificationError where channels lie."""
     loaded = list(runs)
     rides = [prepare(run, rig) for run in loaded]
     findings = []
@@ -52,7 +54,7 @@ def locate_rides(
                 raise IdentificationError(f"{ride.name}: {f.subject}: {f.text}")
             is_warning = f.verdict == "warning"
             findings.append(Finding("warning" if is_warning else "info", f.subject, f.text))
-    problem = RideProblem(rig, rides)
+    problem = RideProblem(rig, rides, slopes)
     if problem.signals == (LEAN_TORQUE,):
         findings.append(ALONE)
     chosen = nuisances or ride_nuisances(rig, problem)

@@ -6,6 +6,7 @@ import os
 from collections.abc import Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any, Final
 
 import numpy as np
@@ -27,13 +28,16 @@ Array = NDArray[np.float64]
 EARLY_S: Final = 0.005
 """By which stamps may be early beyond the delays that the rig file takes off: three times what a healthy
 bicycle's clocks are apart."""
+TURNING_S: Final = 0.01
+"""The same of the steer, for a bicycle turns later than it is steered."""
 
 
 @dataclass(frozen=True, slots=True)
 class RidePiece:
-    """A ride as a stretch."""
+    """A ride as a stretch, on a road whose slope (N,) is known; None where it is level."""
 
     ride: Ride
+    slope: Array | None = None
 
     @property
     def name(self) -> str:
@@ -49,16 +53,20 @@ class RidePiece:
     def until(self, end_s: float) -> RidePiece:
         """The same ride up to an instant."""
         count = int(np.searchsorted(self.ride.t_s, end_s, side="right"))
-        return RidePiece(replace(self.ride, angles=self.ride.angles[:count]))
+        slope = None if self.slope is None else self.slope[:count]
+        return RidePiece(replace(self.ride, angles=self.ride.angles[:count]), slope)
 
 
 class RideProblem(Problem):
     """Measured and predicted samples of some rides of one bicycle: IMU signals, and the lean torque left.
 
-    IdentificationError where no ride carries an IMU and no rider's mass tells the lean torque.
+    `slopes`: of the rides' roads, where they are known. IdentificationError where no ride carries an IMU and
+    no rider's mass tells the lean torque.
     """
 
-    def __init__(self, rig: BicycleFile, rides: Sequence[Ride]) -> None:
+    def __init__(
+        self, rig: BicycleFile, rides: Sequence[Ride], slopes: Sequence[Array | None] = ()
+    ) -> None:
         self.rig: Any = rig
         self.rides = tuple(rides)
         self.clocks = {}
@@ -74,14 +82,14 @@ class RideProblem(Problem):
         kept: list[Mask] = []
         pieces = []
         size = 0
-        for k, recorded in enumerate(rides):
+        for k, (recorded, slope) in enumerate(zip_longest(rides, slopes)):
             signals = [s for s in IMU_SIGNALS if s in recorded.imu]
             if rig.rider.mass > 0.0:
                 signals.append(LEAN_TORQUE)
-            twin = RideTwin(rig, bicycle, recorded, tuple(signals))
+            twin = RideTwin(rig, bicycle, recorded, tuple(signals), slope)
             self.twins.append(twin)
             t = recorded.t_s
-            pieces.append(RidePiece(recorded))
+            pieces.append(RidePiece(recorded, slope))
             known = twin.measured()
             free = twin.speed() > FREE_M_S
             for s in signals:
@@ -121,7 +129,7 @@ class RideProblem(Problem):
     def on(self, pieces: Any, clocks: Any) -> RideProblem:
         """The same questions of other rides."""
         del clocks  # drives have them
-        return RideProblem(self.rig, [p.ride for p in pieces])
+        return RideProblem(self.rig, [p.ride for p in pieces], [p.slope for p in pieces])
 
     def values(self, vector: Array) -> dict[str, float]:
         """A parameter vector by name."""
@@ -176,6 +184,8 @@ def _causal(p: Parameter, rig: BicycleFile) -> Parameter:
     if p.effect != "sensor_latency":
         return p
     known = rig.sensors.lean_delay if p.location == "lean" else 0.0
+    if p.location == "steer":
+        return replace(p, lower=-TURNING_S)
     if p.location.startswith("imu") and rig.imu is not None:
         known = rig.imu.delay + rig.imu.group_delay_s
     return replace(p, lower=-(known + EARLY_S))

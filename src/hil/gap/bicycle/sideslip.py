@@ -50,11 +50,12 @@ def is_no_slip(c: Calibrated, none: Fit, best: Fit) -> bool:
     back = sensitivities(c, best.vector, answer, [SCALE])[:, 0]
     moved = c.problem.table[SCALE]
     back = back * (moved.to_search(1.0) - moved.to_search(scale))
-    free = np.column_stack([_column(c, best), c.jacobian])[c.train]
+    others = [n.name != SCALE for n in c.nuisances]
+    free = np.column_stack([_column(c, best), c.jacobian[:, others]])[c.train]
     rest = (best.white - back)[c.train]
     prior = np.eye(free.shape[1])
     prior[0, 0] = 0.0
-    here = np.concatenate([[0.0], best.z])
+    here = np.concatenate([[0.0], best.z[others]])
     spread = spread_of(c, best.white)
     step = np.zeros(free.shape[1])
     for _ in range(TURNS):

@@ -14,7 +14,7 @@ must be zero. It is what a rider's lean against the frame shows in, which no sen
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -46,6 +46,8 @@ class RideTwin:
     bicycle: Packed
     recorded: Ride
     signals: tuple[str, ...]
+    slope: Array | None = None
+    """(N,) of the road on the grid, rad, uphill positive; None where it is level."""
 
     @property
     def judged(self) -> NDArray[np.int64]:
@@ -98,6 +100,8 @@ class RideTwin:
 
     def _columns(self, effects: RideEffects, motion: Motion) -> Array:
         """(N, signals) of a motion."""
+        if self.slope is not None:
+            motion = replace(motion, imu=pitched(motion.imu, self.slope, motion.dt_s))
         imu = effects.imu(self.recorded.t_s, motion)
         return np.column_stack(
             [
@@ -113,3 +117,13 @@ class RideTwin:
         wheel = self.recorded.angles[:, 1]
         rate = np.gradient(self.filtered(wheel), self.recorded.dt_s)
         return np.asarray(rate[self.judged] * self.rig.geometry.R)
+
+
+def pitched(imu: Array, slope: Array, dt_s: float) -> Array:
+    """(N, 6) what an IMU that reads `imu` on a level road reads on one of that slope (N,)."""
+    out = imu.copy()
+    for along, up in ((0, 2), (3, 5)):
+        out[:, along] += slope * imu[:, up]
+        out[:, up] -= slope * imu[:, along]
+    out[:, 1] -= np.gradient(slope, dt_s)
+    return out
