@@ -198,6 +198,18 @@ def test_motion_is_not_judged_where_friction_holds_or_turns() -> None:
     assert not is_held(moved, ["axis"], t).any()
 
 
+def test_motion_is_not_judged_until_a_twin_has_found_its_way_from_another_rest() -> None:
+    rests = (SENT_S > 2.0) & (SENT_S < 3.5)
+    piece = pushed(AXIS, np.where(rests, 0.0, 80.0 * np.sin(2 * np.pi * 0.5 * SENT_S)))
+    t, x = piece.samples["axis.position"]
+    rests_until = t[(t > 3.0) & (np.abs(x - x[np.searchsorted(t, 3.0)]) > 1e-3)][0]
+    held = is_held(piece, ["axis"], t)
+    assert held[(t > 3.0) & (t < rests_until + 0.3)].all()
+    later = t[(t > rests_until) & ~held]
+    assert later[0] < rests_until + 0.6
+    assert (~held[(t > 0.2) & (t < 0.8)]).any(), "a turn is no rest"
+
+
 def test_forces_that_come_again_elsewhere_are_no_repeats() -> None:
     """A push that grows carries the rig on, however alike its swings are."""
     noisy = 0.5 * np.random.default_rng(3).standard_normal(len(SENT_S))

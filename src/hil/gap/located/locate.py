@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
-from hil.gap.floor.noise import NoiseModel, find_noise, projected
+from hil.gap.floor.noise import NoiseModel, find_noise, projected, rougher
 from hil.gap.located.cells import Cells, count_cells
 from hil.gap.located.phase import begun
 from hil.gap.located.residual import Refit, refit
@@ -63,8 +63,8 @@ def locate(
     """Locate the gap between `runs` (Run objects, or frames with column t and one a signal) and `rig`'s twin.
 
     `nuisances` (default: `default_nuisances`) are refitted first. `healthy`: what was located on references,
-    whose noise tells how much of this record's can be noise. IdentificationError where the data cannot
-    carry an answer names signal and reason.
+    whose noise tells how much of this record's can be noise, and whose own gap is none here.
+    IdentificationError where the data cannot carry an answer names signal and reason.
     """
     loaded = as_runs(runs, rig)
     findings = check_runs(loaded, rig)
@@ -84,6 +84,8 @@ def locate(
         healthy=None if healthy is None else healthy.evidence.noise.levels,
     )  # fmt: skip
     found = projected(found, problem, best.jacobian, best.prior_sd)
+    if healthy is not None:
+        found = rougher(found, problem, healthy.roughness)
     evidence = evidence_of(problem, found, best, problem.motion(best.vector))
     names = tuple(run.path.name for run in loaded)
     return located(rig, names, evidence, best, findings, rng)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hil.gap.catalogue.nuisances import LIMIT, Nuisance
 from hil.gap.floor.noise import NoiseModel
+from hil.gap.located.residual import expected
 from hil.gap.record.problem import LATENCY, Problem
 
 Array = NDArray[np.float64]
@@ -28,8 +29,8 @@ FORCES: Final = ("force", "current")
 
 
 def begun(problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance]) -> Array:
-    """The rig file's own parameters (P,), each force's latency at whichever of three leaves least."""
-    vector = np.array(problem.base)
+    """Where the nuisances are thought to be (P,), each force's latency at whichever of three leaves least."""
+    vector = expected(problem, nuisances)
     half_s = 0.5 * problem.rig.bus.position_loop
     late = [
         (n.name.removesuffix(LATENCY), problem.table.index(n.name))

@@ -70,7 +70,7 @@ def refit(
     start: Array | None = None,
     jacobian: Array | None = None,
 ) -> Refit:
-    """Fit `nuisances` from `start` (default: the rig file's own values), each within LIMIT of its prior.
+    """Fit `nuisances` from `start` (default: where they are thought to be), each within LIMIT of its prior.
 
     Priors are centred on the rig file's values plus their own means, whatever `start` is. `jacobian`
     (N, K): sensitivities known from a nearby point, computed anew only where steps by them stop to help.
@@ -82,11 +82,12 @@ def refit(
     entries = [problem.table.entries[i] for i in index]
     lower = np.maximum((np.array([p.lower for p in entries]) - centre) / sd, -LIMIT)
     upper = np.minimum((np.array([p.upper for p in entries]) - centre) / sd, LIMIT)
-    vector = np.array(problem.base if start is None else start)
+    vector = expected(problem, nuisances) if start is None else np.array(start)
+    z = np.clip((vector[index] - centre) / sd, lower, upper)
+    vector[index] = centre + sd * z
     residual = problem.residual(vector)
     if not names:
         return Refit(vector, residual, np.zeros((problem.size, 0)), ())
-    z = np.clip((vector[index] - centre) / sd, lower, upper)
     given = jacobian
     fresh = given is None
     J = given if given is not None else nuisance_sensitivities(problem, nuisances, vector, residual)
@@ -120,6 +121,14 @@ def refit(
         for k, n in enumerate(nuisances)
     )  # fmt: skip
     return Refit(vector, residual, J, fitted)
+
+
+def expected(problem: Problem, nuisances: Sequence[Nuisance]) -> Array:
+    """(P,) the rig file's own parameters, with the nuisances where they are thought to be."""
+    vector = np.array(problem.base)
+    for n in nuisances:
+        vector[problem.table.index(n.name)] += n.mean
+    return vector
 
 
 def nuisance_sensitivities(

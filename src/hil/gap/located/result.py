@@ -103,6 +103,12 @@ class Located:
     findings: tuple[Finding, ...]
     evidence: Evidence
 
+    @property
+    def roughness(self) -> dict[str, float]:
+        """By signal, how many floors a gap stands at, and 1 at least: on references what no calibration and
+        nothing known explains."""
+        return {s.signal: max(s.ratio, 1.0) for s in self.signals if self.is_gap}
+
     def tables(self) -> dict[str, Any]:
         """The `gap` and `where` parts of hil-diagnosis/1 and how they came about, as plain tables."""
         return {

@@ -17,6 +17,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hil.config import RigFile
 from hil.identify.replay import Stretch
+from hil.sim.twin import lead_w
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -32,6 +33,11 @@ LOOSE: Final = 5e-4
 AHEAD_S: Final = 0.02
 TURN_S: Final = 0.1
 """An actuator that moves by less than LOOSE from so long before to so long after rests or turns round."""
+RESTS_S: Final = 0.4
+"""From so long on it has rested: somewhere in the band of its friction, and the twin elsewhere in its own."""
+FOUND: Final = 5.0
+"""Time constants of what leads a twin, until it has found its way from there [R: of a critically damped one,
+4 % are left]."""
 SAG: Final = 1e-4
 SAG_SPREADS: Final = 5.0
 """m or rad beside standard deviations of a position, by which one that is to stand still has sagged."""
@@ -70,8 +76,12 @@ def is_held(piece: Stretch, actuators: Sequence[str], t_s: Array) -> Mask:
         if piece.mode != "force" or len(t) < 2:
             continue
         window = 2 * round(TURN_S / float(np.median(np.diff(t)))) + 1
-        moved = maximum_filter1d(x, window) - minimum_filter1d(x, window)
-        out |= moved[np.clip(np.searchsorted(t, t_s), 0, len(t) - 1)] < LOOSE
+        held = maximum_filter1d(x, window) - minimum_filter1d(x, window) < LOOSE
+        edge = np.flatnonzero(np.diff(held.astype(np.int8), prepend=0, append=0))
+        for first, end in zip(edge[::2].tolist(), edge[1::2].tolist(), strict=True):
+            until = float(t[min(end, len(t) - 1)])
+            until += FOUND / lead_w(t) if until - t[first] > RESTS_S else 0.0
+            out |= (t_s >= t[first]) & (t_s < until)
     return out if np.count_nonzero(~out) >= FEWEST else np.zeros(len(t_s), dtype=bool)
 
 
