@@ -69,6 +69,15 @@ def test_wheels_scale_on_top_of_each_other():
     np.testing.assert_allclose(twice.p, at_once.p, rtol=1e-14)
 
 
+def test_a_wheel_that_the_file_has_wrong_rolls_further_and_pitches_no_frame():
+    nominal, higher = pack(NOMINAL), pack(NOMINAL).scaled(1.05)
+    wrong = pack(NOMINAL).scaled(1.05, frame=0.0)
+    moved = np.flatnonzero(wrong.p != nominal.p)
+    assert len(moved) == 1
+    assert wrong.p[moved] == pytest.approx(higher.p[moved])
+    assert (higher.p != nominal.p).sum() == 2
+
+
 def test_a_rider_who_leans_along_explains_lean_torque(weaving, plain):
     rig = having("rider_motion", "bicycle", gain=0.3)
     found = analysed(weaving, rig)

@@ -221,6 +221,20 @@ def test_linear_interpolation_is_one_cycle_and_a_delay_late() -> None:
     np.testing.assert_allclose(seen, 0.1 * (t - 0.011), atol=2e-6)
 
 
+@pytest.mark.parametrize("is_smooth", [False, True])
+def test_drives_that_lead_are_a_tick_early_in_all(is_smooth: bool) -> None:
+    rig = load_rig("axis")
+    sent = np.arange(0.0, 1.0, 0.01)
+    told = 0.05 * np.sin(2.0 * np.pi * 0.7 * sent)
+    stamps = {f"axis.{s}": np.arange(0.05, 0.95, 0.0013) for s in ("position", "force")}
+    leads = changed(rig, bus={"interpolation": "linear_leads"})
+    earlier = sent - rig.bus.position_loop
+    lead = Twin(leads, smooth=is_smooth).replay({"axis": (sent, told)}, stamps)
+    early = Twin(rig, smooth=is_smooth).replay({"axis": (earlier, told)}, stamps)
+    np.testing.assert_allclose(lead["axis.position"], early["axis.position"], atol=1e-12)
+    np.testing.assert_allclose(lead["axis.force"], early["axis.force"], atol=1e-6)
+
+
 def test_forces_are_taken_at_once_or_drawn_out_over_a_cycle() -> None:
     sent = np.arange(0.0, 0.5, 0.01)
     t = np.arange(0.2, 0.45, 0.0033)

@@ -89,7 +89,9 @@ def test_tyres_that_give_way_in_curves_as_hard_ones_do_are_no_gap():
     assert found.verdict == "no_gap", found.sentence
 
 
-@pytest.mark.parametrize(("stiffness", "effects"), [(2.5e5, []), (7e4, ["tyre_compliance"])])
+@pytest.mark.parametrize(
+    ("stiffness", "effects"), [(2.5e5, []), (1.25e5, []), (7e4, ["tyre_compliance"])]
+)
 def test_hard_tyres_are_healthy_and_soft_ones_a_finding(stiffness, effects):
     tyres = ("tyre_compliance", "bicycle", {"stiffness": stiffness, "damping": 250.0})
     found = diagnose_rides([ridden(short(), 22, tyres)], NOMINAL)
@@ -152,6 +154,24 @@ def test_rides_of_several_speeds_tell_a_steer_s_scale_from_tyres(slow_and_fast):
     assert [(x.effect, x.location) for x in found.effects] == [("sensor_scale", "steer")]
     found = diagnosed(lambda table: slipping(table, 0.012))
     assert found.verdict == "unknown", found.sentence
+
+
+def test_a_wheel_that_the_file_has_wrong_is_the_first_of_those_that_shorten_the_way():
+    """Its frame stands as it was measured: a slip and a scale of its encoder answer alike."""
+    wrong = ("wheel_radius", "rear_wheel", {"scale": 1.05, "frame": 0.0})
+    found = diagnose_rides([ridden(short(), 22, wrong)], NOMINAL)
+    first, second = found.causes[:2]
+    assert (first.effect, second.effect) == ("wheel_radius", "sensor_scale")
+    assert second.group == first.group
+    assert first.parameters["scale"].value == pytest.approx(1.05, abs=0.006)
+    assert first.parameters["frame"].value == 0.0
+
+
+def test_a_larger_wheel_that_pitches_the_frame_is_no_scale():
+    grown = ("wheel_radius", "rear_wheel", {"scale": 1.03})
+    found = diagnose_rides([ridden(short(), 22, grown)], NOMINAL)
+    assert [x.effect for x in found.effects] == ["wheel_radius"]
+    assert "frame" not in found.effects[0].parameters
 
 
 def test_no_filter_looks_like_an_effect_however_lively_the_ride():

@@ -9,7 +9,7 @@ from hil.config import LegMass
 from hil.configfile import load_rig
 from hil.exam.world import Scatter, build_world, play
 from hil.gap.diagnose import diagnose
-from hil.gap.located.habits import FEEDS, LEGS, LOADS, RESTS, WEIGHS, share_of
+from hil.gap.located.habits import FEEDS, LEADS, LEGS, LOADS, RESTS, WEIGHS, share_of
 from hil.gap.located.locate import locate
 from hil.gap.record.runs import as_runs
 from tests.exam.worlds import sway
@@ -26,6 +26,11 @@ COULOMB = effect("coulomb_friction", force=40.0)
 def resting(*effects, seed=1):
     """A record of drives that rest for a tick, their force asked for where it no longer swings."""
     return record(*effects, rig=RESTS.twin(AXIS, 1.0), seed=seed, asked_s=0.004)
+
+
+def leading(*effects, seed=1):
+    """A record of drives that make the first step to each setpoint as they take it."""
+    return record(*effects, rig=LEADS.twin(AXIS, 1.0), seed=seed)
 
 
 def spring(stiffness):
@@ -76,6 +81,27 @@ def test_a_rest_of_the_references_is_one_of_the_run():
     assert is_told(answer)
     assert answer.located.evidence.problem.rig.bus.interpolation == "linear_rests"
     assert named(answer) == [("coulomb_friction", "axis")]
+
+
+def test_drives_that_are_a_tick_early_are_seen_and_what_is_beside_it_is_named():
+    answer = diagnose(leading(COULOMB), AXIS)
+    assert answer.located.evidence.problem.rig.bus.interpolation == "linear_leads"
+    assert is_told(answer, LEADS)
+    assert named(answer) == [("coulomb_friction", "axis")]
+
+
+def test_drives_whose_references_are_a_tick_early_hide_no_delay():
+    """A single drive that is late besides looks half as late without them."""
+    late = leading(effect("transport_delay", delay=0.002), seed=2)
+    answer = diagnose(late, AXIS, references=leading())
+    assert is_told(answer, LEADS)
+    assert named(answer) == [("transport_delay", "axis")]
+    assert answer.effects[0].parameters["delay"].value == pytest.approx(0.002, abs=4e-4)
+
+
+def test_drives_that_are_in_time_are_not_called_early():
+    assert share_of(LEADS, locate(record(), AXIS)) == 0.0
+    assert not is_told(diagnose(record(), AXIS, references=record(seed=2)), LEADS)
 
 
 def test_viscous_friction_is_not_taken_for_drives_that_rest():

@@ -58,6 +58,7 @@ class RideEffects:
             v["rear_wheel.wheel_radius.scale"],
             v["front_wheel.wheel_radius.scale"],
             v["rear_wheel.wheel_slip.coefficient"],
+            v["rear_wheel.wheel_radius.frame"],
         )
 
     def motion(

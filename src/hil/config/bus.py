@@ -27,10 +27,11 @@ class Bus(Settings):
     )
     answer_delay: NonNegative = Field(0.001, description="drive's sample instant to its answer, s")
     answer_jitter: NonNegative = Field(6e-5, description="standard deviation of that, s")
-    interpolation: Literal["linear", "linear_rests", "hold"] = Field(
+    interpolation: Literal["linear", "linear_rests", "linear_leads", "hold"] = Field(
         "linear",
         description="how the drive goes from setpoint to setpoint: along a line, along one that starts where "
-        "its last tick was (so it rests for a tick at each setpoint), or at once",
+        "its last tick was (so it rests for a tick at each setpoint), along one whose first step it makes at "
+        "the tick at which it takes the setpoint, or at once",
     )
     force_interpolation: Literal["hold", "linear"] = Field(
         "hold",
@@ -58,6 +59,8 @@ class Bus(Settings):
             return 0.5 * self.cycle
         if self.interpolation == "linear":
             return self.cycle
+        if self.interpolation == "linear_leads":
+            return self.cycle - self.position_loop
         # A line of n ticks that begins a tick late falls (n + 1) / 2 (n - 1) ticks behind.
         ticks = max(self.cycle / self.position_loop, 2.0)
         return self.cycle + 0.5 * self.position_loop * (ticks + 1.0) / (ticks - 1.0)

@@ -30,7 +30,7 @@ from hil.gap.judged.calmer import calmed
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.older import as_it_was
 from hil.gap.judged.verdict import answer, stands
-from hil.gap.located.habits import DRAWS, HABITS, Habit, share_of
+from hil.gap.located.habits import DRAWS, HABITS, LEADS, Habit, leaves_less, share_of
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding, check_runs
@@ -119,6 +119,11 @@ def consider(
     if healthy:
         say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
+        if share_of(LEADS, found) > 0.0:
+            early = locate(healthy, LEADS.twin(rig, 1.0), seed=seed)
+            if leaves_less(early, found):
+                habits.append((LEADS, 1.0))
+                rig, found = early.evidence.problem.rig, early
         if found.is_gap:
             say("the references differ from the twin themselves: what explains that comes first")
             first = consider(healthy, rig, without=without, seed=seed, report=report)

@@ -4,8 +4,9 @@ Names, locations and parameters are a contract with runs, rig files and reports:
 its neutral values an effect vanishes. Friction parameters are added to the rig file's own friction and
 delays to its own delays, so negative values, down to what the rig file has, are allowed there: a fit
 needs both sides. `scale` is the size at which an effect matters on a rig of this class [R]: it makes
-parameters comparable, it is no limit. An actuator may be a leg of metres and newtons or a shaft of radians
-and newton metres, so what has a size of its own is measured by its travel, speed, force and mass.
+parameters comparable, it is no limit; 0 for what is chosen and never fitted. An actuator may be a leg of
+metres and newtons or a shaft of radians and newton metres, so what has a size of its own is measured by its
+travel, speed, force and mass.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 from hil.config import Actuator
 
@@ -197,6 +198,10 @@ LEAN_TORQUE: Effects = {"sensor_bias": (Spec("offset", "N·m", 0.0, -math.inf, m
 """Of the torque between rider and frame, which no sensor tells: a rider who sits to one side has one all the
 way."""
 WHEEL: Effects = {"wheel_radius": (Spec("scale", "1", 1.0, 0.8, 1.2, 0.01),)}
+FRAME: Final = Spec("frame", "1", 1.0, 0.0, 1.0, 0.0)
+"""Of a rear wheel that is larger than the rig file's: 1 where the frame stands higher on it and is pitched,
+0 where the frame and all on it stand as the file says and only the way that a turn rolls is another."""
+REAR_WHEEL: Effects = {"wheel_radius": (*WHEEL["wheel_radius"], FRAME)}
 SLIP: Effects = {"wheel_slip": (Spec("coefficient", "1", 0.0, -0.2, 0.5, 0.01),)}
 
 

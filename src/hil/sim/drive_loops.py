@@ -3,7 +3,8 @@
 Drive model of the project's rigs [M: CDD3000 class drive]: setpoints arrive each bus cycle T_c; the drive
 runs in a straight line to a new one over one T_c, from the first position-loop tick after its arrival, or
 jumps (`hold`). The line starts where the one before it would be by then (`linear`), or where the last tick
-was, so that the drive rests for a tick (`linear_rests`). Forces that the drive is told it takes at once, or
+was, so that the drive rests for a tick (`linear_rests`), or it started a tick ago, so that its first step is
+made as the setpoint is taken (`linear_leads`). Forces that the drive is told it takes at once, or
 along such a line from their arrival on. `retimed`: setpoints wait in a queue and the drive takes one each
 T_c of its own clock, which starts one cycle after the first arrival, so send jitter below half a cycle does
 not show; where the next one has waited less (one before it was lost) the drive pauses a cycle.
@@ -113,10 +114,9 @@ def _start_segment(header, lines, st, i, target, t):  # type: ignore[no-untyped-
         st[lay.S_T1, i] = t
         return
     cycle = header[lay.H_CYCLE]
-    asked = t
-    if lines == lay.RESTS:
-        asked -= header[lay.H_DT] * header[lay.H_POSITION_TICKS]
-    start, _ = reference(st, i, asked)
+    tick = header[lay.H_DT] * header[lay.H_POSITION_TICKS]
+    begins = t - tick if lines == lay.LEADS else t
+    start, _ = reference(st, i, t - tick if lines == lay.RESTS else begins)
     # A segment that ended a moment ago (jitter) still counts as the speed before.
     before = st[lay.S_SLOPE, i] if t <= st[lay.S_T1, i] + 0.5 * cycle else 0.0
     slope = (target - start) / cycle
@@ -124,8 +124,8 @@ def _start_segment(header, lines, st, i, target, t):  # type: ignore[no-untyped-
     st[lay.S_SLOPE, i] = slope
     st[lay.S_X0, i] = start
     st[lay.S_X1, i] = target
-    st[lay.S_T0, i] = t
-    st[lay.S_T1, i] = t + cycle
+    st[lay.S_T0, i] = begins
+    st[lay.S_T1, i] = begins + cycle
 
 
 @inner

@@ -104,7 +104,8 @@ the geometry, whether there is an IMU, whether a static-force feed-forward acts,
 the IMU's answers s, delay of the drives' answers s, whether arrivals act between ticks, whether forces that
 drives are told are drawn out in lines."""
 RESTS = 2.0
-INTERPOLATIONS = {"hold": 0.0, "linear": 1.0, "linear_rests": RESTS}
+LEADS = 3.0
+INTERPOLATIONS = {"hold": 0.0, "linear": 1.0, "linear_rests": RESTS, "linear_leads": LEADS}
 """Values of H_LINEAR."""
 
 (

@@ -50,11 +50,17 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
         raise ValueError("substeps must be 1 or more")
     geometry, body, gravity = pack_geometry(rig), pack_body(rig), pack_gravity(rig)
     feeds_static = any(a.law != "cascade" for a in rig.actuators)
+    is_smooth = smooth and bus.cycle > 1.5 * bus.position_loop
+    delay_s, lines = bus.setpoint_delay, lay.INTERPOLATIONS[bus.interpolation]
+    if (
+        is_smooth and lines == lay.LEADS
+    ):  # a tick early in all, and it is known how early a tick ago
+        delay_s, lines = delay_s - bus.position_loop, lay.INTERPOLATIONS["linear"]
     header = [
         float(kind_code(rig)), len(rig.actuators), bus.speed_loop, round(ticks), bus.cycle,
-        bus.setpoint_delay, lay.INTERPOLATIONS[bus.interpolation], bus.retimed, substeps, len(geometry),
+        delay_s, lines, bus.retimed, substeps, len(geometry),
         rig.imu is not None, feeds_static, rig.imu.delay if rig.imu else 0.0,
-        bus.answer_delay, smooth and bus.cycle > 1.5 * bus.position_loop,
+        bus.answer_delay, is_smooth,
         lay.INTERPOLATIONS[bus.force_interpolation],
     ]  # fmt: skip
     return np.concatenate(

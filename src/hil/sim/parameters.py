@@ -31,6 +31,7 @@ from hil.sim.catalogue import (
     QUANTITIES,
     QUANTITY_SCALE,
     QUANTITY_UNIT,
+    REAR_WHEEL,
     SLIP,
     WHEEL,
     Effects,
@@ -51,7 +52,8 @@ ROTARY_UNIT = {
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One entry of the vector. Values in `unit`; `scale` is the size at which it matters."""
+    """One entry of the vector. Values in `unit`; `scale` is the size at which it matters, 0 of what is chosen
+    and never fitted."""
 
     name: str
     location: str
@@ -166,7 +168,7 @@ def _platform(rig: RigFile) -> Effects:
 def _of_bicycle() -> Iterable[Parameter]:
     yield from _block("bicycle", BICYCLE)
     yield from _block("bicycle.lean_torque", LEAN_TORQUE)
-    yield from _block("rear_wheel", WHEEL | SLIP)
+    yield from _block("rear_wheel", REAR_WHEEL | SLIP)
     yield from _block("front_wheel", WHEEL)
     for signal in SIGNALS:
         yield from _block(signal, sensor_effects("rad", 0.01))

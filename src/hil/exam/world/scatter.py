@@ -69,7 +69,7 @@ def scattered(rig: RigFile, rng: np.random.Generator, size: float) -> World:
     head[lay.H_STEP] = STEP_S
     head[lay.H_CYCLE] = rig.bus.cycle
     head[lay.H_RETIMED] = rig.bus.retimed
-    head[lay.H_LINEAR] = rig.bus.interpolation == "linear"
+    head[lay.H_LINEAR] = rig.bus.interpolation != "hold"
     head[lay.H_PD] = any(a.law == "pd" for a in rig.actuators)
     head[lay.H_SETTLE] = SETTLE_S
     head[lay.H_FORCES] = run_mode(rig) == "force"

@@ -18,7 +18,7 @@ from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.road import slopes_of
 from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
 from hil.gap.bicycle.sets import fit_sets
-from hil.gap.bicycle.verdict import by_energy, twins, unsaid
+from hil.gap.bicycle.verdict import by_energy, is_usual, twins, unsaid
 from hil.gap.catalogue.nature import RIDER
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
@@ -246,6 +246,10 @@ def _weighed(
         told = by_energy(
             answer(located, c, every, bank, held, parts.text, seed, is_large), measured
         )
+        if is_usual(told):
+            sentence = "No gap but tyres, fork and frame that give way as hard and stiff ones do."
+            usual = replace(no_gap(located, parts.text), sentence=sentence)
+            return replace(usual, not_excited=told.not_excited)
         if told.verdict != "unknown" or is_large or not told.causes:
             return told
         return replace(no_gap(located, parts.text), not_excited=told.not_excited)

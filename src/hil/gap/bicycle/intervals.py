@@ -38,7 +38,8 @@ def widened(cause: Cause, c: Calibrated) -> Cause:
     for name, found in cause.parameters.items():
         full = f"{cause.location}.{cause.effect}.{name}"
         low, high = found.ci
-        more = max(sd.get(full, 0.0), LEFT.get(cause.effect, 0.0))
+        is_fitted = c.problem.table[full].scale > 0.0
+        more = max(sd.get(full, 0.0), LEFT.get(cause.effect, 0.0)) if is_fitted else 0.0
         if more > 0.0:
             low = found.value - float(np.hypot(found.value - low, more))
             high = found.value + float(np.hypot(high - found.value, more))

@@ -77,7 +77,7 @@ def ride_leaves(problem: Problem, without: Collection[str] = ()) -> list[Leaf]:
     out = [
         _compliant("front_suspension", STIFF_FORK, 400.0),
         _compliant("tyre_compliance", STIFF_TYRE, 250.0),
-        _leaf("wheel_radius", "rear_wheel", ("scale",), [({"scale": 1.01},)]),
+        _rear_wheel(),
         _leaf("wheel_radius", "front_wheel", ("scale",), [({"scale": 1.01},)]),
         _leaf("wheel_slip", "rear_wheel", ("coefficient",), [({"coefficient": 0.01},)]),
     ]
@@ -103,6 +103,13 @@ def ride_leaves(problem: Problem, without: Collection[str] = ()) -> list[Leaf]:
         drifts: list[tuple[Changes, ...]] = [({"rate": w * r},) for r in RATES for w in (1.0, -1.0)]
         out.append(_leaf("clock_drift", "imu", ("rate",), drifts))
     return [leaf for leaf in out if leaf.effect not in without]
+
+
+def _rear_wheel() -> Leaf:
+    """Of another radius, on which the frame stands higher, or which the rig file has wrong."""
+    scale, frame = (f"rear_wheel.wheel_radius.{name}" for name in ("scale", "frame"))
+    starts = (Start({}, ({scale: 1.01},)), Start({frame: 0.0}, ({scale: 1.01},)))
+    return Leaf("wheel_radius", "rear_wheel", (scale, frame), starts, None)
 
 
 def _compliant(effect: str, stiffness: Collection[float], damping: float) -> Leaf:

@@ -26,6 +26,10 @@ SPRUNG_EXPLAINED: Final = 0.5
 """The same of a fork or tyres alone: a road shakes a bicycle on springs more than a stiff one, where they
 swing, and no ride tells that [set on rides of another world, none of whose outside effects is one]."""
 SPRUNG: Final = frozenset({"front_suspension", "tyre_compliance"})
+FIRM: Final = {"front_suspension": 5e4, "tyre_compliance": 1.1e5}
+"""N/m of a fork and of tyres, above which they give way as stiff forks, frames and hard tyres of any bicycle
+do [R: tyres at 4 bar and more have 130 kN/m and more, and two of them pitch a bicycle as a fork of half their
+stiffness]."""
 EXACT: Final = frozenset(
     {
         "sensor_bias",
@@ -116,6 +120,13 @@ def unsaid(found: Diagnosis) -> Diagnosis:
         "noise and a healthy bicycle's tolerances make of it, and no candidate has its pattern."
     )
     return replace(found, verdict="unknown", sentence=sentence, unknown=1.0)
+
+
+def is_usual(found: Diagnosis) -> bool:
+    """Whether all that was found is that a bicycle gives way as hard tyres and stiff frames do."""
+    return bool(found.effects) and all(
+        x.effect in FIRM and x.parameters["stiffness"].value > FIRM[x.effect] for x in found.effects
+    )
 
 
 def by_energy(found: Diagnosis, measured: NoiseModel) -> Diagnosis:

@@ -70,7 +70,8 @@ def fit(
     rounds: int = ROUNDS,
     settled: float = SETTLED,
 ) -> Fit | None:
-    """Fit the parameters named in `start` (values as for a twin without effects); None where the twin cannot
+    """Fit the parameters named in `start` (values as for a twin without effects), but those that are chosen
+    and never fitted; None where the twin cannot
     stand there. `z` (K,): nuisances to start from, by default where calibration left them. `settled`: a round
     that gains less than this share of what is left ends the fit."""
     problem = c.problem
@@ -78,7 +79,7 @@ def fit(
     held = [k for k in range(len(c.nuisances)) if k not in own]
     A = c.jacobian[:, held][c.train]
     sd = np.array([c.nuisances[k].sd for k in held])
-    names = list(start)
+    names = [n for n in start if problem.table[n].scale > 0.0]
     entries = [problem.table[n] for n in names]
     index = [problem.table.index(n) for n in names]
     vector, answer, z = _begin(c, start, held, c.z if z is None else z)
@@ -189,6 +190,7 @@ def _begin(
             now = float(c.vector[i])
             aim = shifted(c.problem, n, now, value)
             is_linear = p.search == "linear" and p.parameter not in ABSOLUTE and np.isfinite(now)
+            is_linear = is_linear and p.scale > 0.0
             vector[i] = now + share * (aim - now) if is_linear else aim
         answer = c.problem.answers(vector)[0]
         if np.all(np.isfinite(answer)):

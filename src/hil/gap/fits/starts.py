@@ -61,4 +61,11 @@ def relative(c: Calibrated, f: Fit) -> dict[str, float]:
         now = float(c.vector[c.problem.table.index(name)])
         is_added = p.search == "linear" and np.isfinite(p.neutral) and p.parameter not in ABSOLUTE
         out[name] = value - now + p.neutral if is_added else value
-    return out
+    return out | chosen(c.problem, f)
+
+
+def chosen(problem: Problem, f: Fit) -> dict[str, float]:
+    """Values other than neutral of what a fit's effects have that is chosen and never fitted."""
+    own = [problem.table[n] for leaf in f.leaves for n in leaf.parameters]
+    values = {p.name: float(f.vector[problem.table.index(p.name)]) for p in own if p.scale == 0.0}
+    return {n: v for n, v in values.items() if v != problem.table[n].neutral}

@@ -16,6 +16,7 @@ from hil.gap.fits.fitted import Calibrated, Fit, calibrated
 from hil.gap.fits.frames import ANSWERS, SETPOINTS, fit_lost_frames
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.heldout import Score, score
+from hil.gap.fits.starts import chosen
 from hil.gap.judged.clear import signals
 from hil.gap.judged.diagnosis import Cause, ParameterValue
 from hil.gap.located.residual import Refit
@@ -165,4 +166,8 @@ def _parameters(c: Calibrated, f: Fit, leaf: Leaf, worth: float) -> dict[str, Pa
         out[p.parameter] = ParameterValue(
             shown, (max(ends[0], p.lower), min(ends[1], p.upper)), p.unit, name in f.at_bound
         )
+    for name, value in chosen(c.problem, f).items():
+        if name in leaf.parameters:
+            p = c.problem.table[name]
+            out[p.parameter] = ParameterValue(value, (value, value), p.unit, at_bound=False)
     return out

@@ -4,6 +4,8 @@
   would be by now, or from what its last tick asked for (`bus.interpolation`). The latter stands still for a
   tick each cycle: force that is sampled in step with setpoints then looks like drag in proportion to speed,
   on a healthy rig.
+- Drives make the first step of such a line at the tick at which they take the setpoint, and so are a tick
+  early in everything. No effect of the catalogue is: delays are added.
 - Drives that are told forces draw each out in a line, as they do positions (`bus.force_interpolation`): all
   that they do is half a cycle later and smoother.
 - Drives feed the static force forward beside their cascade (law "cascade_static"). Their integrators have
@@ -27,11 +29,15 @@ from typing import Any, Final
 import numpy as np
 
 from hil.config import Actuator, LegMass, RigFile
-from hil.gap.located.residual import counted
+from hil.gap.located.residual import cost, counted
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.record.problem import Problem
 
+EARLY: Final = 0.4
+"""Of a tick of the position loop, by which all drives seem early, half of them more, where they may lead."""
+LESS: Final = 6.0
+"""Nats by which references must be explained better with a habit, to have it."""
 HELD: Final = 0.1
 """Share of a habit, either way (when within a cycle force is sampled is not told exactly), from which on a
 record may hold it [set on tuning seeds: 0.03 at most where drives do not rest and nothing is viscous]."""
@@ -64,6 +70,8 @@ class Habit:
     """Which ones can be."""
     told: float = TOLD
     """Of what calibration leaves, in energy, that it must explain."""
+    asked: Callable[[Located], float] | None = None
+    """What says how much of it a record seems to hold, where no linear question does."""
     is_unlike: bool = False
     """Whether no effect does the like: where a twin with it leaves no gap, none is weighed against it."""
 
@@ -96,6 +104,18 @@ def _may_rest(rig: RigFile) -> bool:
 def _resting(rig: RigFile, _: float) -> RigFile:
     bus = rig.bus.model_copy(update={"interpolation": "linear_rests"})
     return rig.model_copy(update={"bus": bus})
+
+
+def _leading(rig: RigFile, _: float) -> RigFile:
+    bus = rig.bus.model_copy(update={"interpolation": "linear_leads"})
+    return rig.model_copy(update={"bus": bus})
+
+
+def _is_early(located: Located) -> float:
+    """1 where drives seem early by nearly a tick, as calibration says."""
+    tick = located.evidence.problem.rig.bus.position_loop
+    changes = [f.change for f in located.nuisances if f.name.endswith("transport_delay.delay")]
+    return float(bool(changes) and float(np.median(changes)) < -EARLY * tick)
 
 
 def _drawing(rig: RigFile, _: float) -> RigFile:
@@ -153,6 +173,15 @@ RESTS: Final = Habit(
     told=0.01,
 )  # fmt: skip
 """Drives that rest are later by about half a tick: how late setpoints are is free."""
+LEADS: Final = Habit(
+    "bus.interpolation", "drives that make a first step as they take a setpoint", _may_rest, _leading,
+    lambda twin: (
+        "the drives make the first step to each setpoint as they take it, so that they are a tick of "
+        f"{1e3 * twin.bus.position_loop:g} ms early: the twin does so with them; "
+        f'"{twin.bus.interpolation}" belongs into the rig file'
+    ),
+    asked=_is_early,
+)  # fmt: skip
 DRAWS: Final = Habit(
     "bus.force_interpolation", "drives that draw out what force they are told",
     lambda rig: rig.bus.force_interpolation == "hold", _drawing,
@@ -186,7 +215,7 @@ def _weighs(is_fed: bool, may: Callable[[RigFile], bool], and_drives: str) -> Ha
 
 WEIGHS: Final = _weighs(True, _may_weigh, "and drives reckon with it")
 LOADS: Final = _weighs(False, _may_load, "and drives do not know of it")
-HABITS: Final = (RESTS, FEEDS, WEIGHS, LOADS)
+HABITS: Final = (RESTS, LEADS, FEEDS, WEIGHS, LOADS)
 """Those that a record is asked for by their share."""
 
 
@@ -197,6 +226,8 @@ def share_of(habit: Habit, located: Located) -> float:
     problem, noise = e.problem, e.noise
     if not habit.may(problem.rig):
         return 0.0
+    if habit.asked is not None:
+        return habit.asked(located)
     other = Problem(
         habit.twin(problem.rig, 1.0), problem.sent, clocks=problem.clocks, settle_s=problem.settle_s
     )
@@ -218,3 +249,14 @@ def share_of(habit: Habit, located: Located) -> float:
     share = float(with_it[0])
     is_held = abs(share) > HELD and left < (1.0 - habit.told) * before
     return share if is_held and habit.shares[0] <= share <= habit.shares[1] else 0.0
+
+
+def leaves_less(other: Located, located: Located) -> bool:
+    """Whether another twin leaves less of the same references by LESS nats, calibrated as it is."""
+    e = located.evidence
+
+    def left(x: Located) -> float:
+        z = np.array([f.change / f.prior_sd for f in x.nuisances])
+        return cost(e.noise.whiten(e.problem, x.evidence.residual), z, e.problem.discount)
+
+    return left(other) < left(located) - LESS

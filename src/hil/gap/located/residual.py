@@ -94,7 +94,7 @@ def refit(
     information = np.eye(len(z))
 
     def cost_of(residual: Array, z: Array) -> float:
-        return _cost(noise.whiten(problem, residual), z, problem.discount)
+        return cost(noise.whiten(problem, residual), z, problem.discount)
 
     for _ in range(ROUNDS):
         white = noise.whiten(problem, residual)
@@ -173,7 +173,8 @@ def _step(
     return new, information
 
 
-def _cost(white: Array, z: Array, discount: float) -> float:
+def cost(white: Array, z: Array, discount: float) -> float:
+    """What a refit minimises, in nats: of whitened residuals (N,) and nuisances z (K,) in prior spreads."""
     size = np.abs(white)
     huber = np.where(size <= HUBER, 0.5 * size**2, HUBER * (size - 0.5 * HUBER))
     return float(np.sum(huber) / discount + 0.5 * z @ z)

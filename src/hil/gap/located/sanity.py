@@ -18,7 +18,7 @@ from hil.config import RigFile
 from hil.errors import IdentificationError
 from hil.gap.floor.draws import sensor_noise, sensor_sigma
 from hil.gap.floor.rounding import step_of
-from hil.gap.record.problem import Problem, Series
+from hil.gap.record.problem import LATENCY, Problem, Series
 from hil.gap.record.standstill import LOOSE
 from hil.runs import Run
 
@@ -31,6 +31,10 @@ STUCK: Final = 25
 FLAT_SHARE: Final = 0.01
 ALIKE: Final = 0.9
 """Correlation with the twin from which a factor between the two can be trusted."""
+AGAINST: Final = -0.7
+"""The same below which a sign is wrong."""
+WITHIN: Final = (-0.5, -0.375, -0.25, -0.125, 0.125, 0.25, 0.375, 0.5)
+"""Of a cycle of the bus, how much earlier or later a force may have been read."""
 FACTORS: Final = (
     (1000.0, 0.7, "is it in milli-units (mm) instead of SI?"),
     (57.29578, 0.25, "is it in degrees instead of radians?"),
@@ -263,7 +267,7 @@ def _factor(problem: Problem, x: Series, m: Array, p: Array) -> Finding | None:
     a, b = m - m.mean(), p - p.mean()
     alike = float(a @ b / np.sqrt((a @ a) * (b @ b)))
     gain = float(a @ b / (b @ b))
-    if alike < -ALIKE + 0.2 and x.quantity != "accel":
+    if alike < AGAINST and x.quantity != "accel" and not _swings(problem, x, m):
         return Finding(
             "error", x.signal,
             f"moves against the twin (correlation {alike:.2f}): is its sign that of the rig file?",
@@ -274,6 +278,18 @@ def _factor(problem: Problem, x: Series, m: Array, p: Array) -> Finding | None:
                 text = f"is {gain:.4g} times what the twin says: {question}"
                 return Finding("error", x.signal, text)
     return None
+
+
+def _swings(problem: Problem, x: Series, m: Array) -> bool:
+    """Whether a force that is read elsewhere within a cycle of the bus does not move against `m`: a drive's
+    force swings both ways within each, and at which instant of it one is read no rig file tells exactly."""
+    if x.quantity not in ("force", "current"):
+        return False
+    kept, at = problem.kept[x.part], problem.table.index(x.signal + LATENCY)
+    rows = np.tile(problem.base, (len(WITHIN), 1))
+    rows[:, at] += np.array(WITHIN) * problem.rig.bus.cycle
+    others = problem.answers(rows)[:, x.part][:, kept]
+    return any(np.corrcoef(m, p)[0, 1] > 0.0 for p in others if np.all(np.isfinite(p)))
 
 
 def _lateness(t: Array, m: Array, p: Array) -> tuple[float, float, float, float]:

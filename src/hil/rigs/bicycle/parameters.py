@@ -35,10 +35,13 @@ class Packed:
     """(3, 3) IMU axes in the axes of body 3: v_sensor = sensor @ v_body."""
     encoder_on_frame: bool
 
-    def scaled(self, rear: float = 1.0, front: float = 1.0, slip: float = 0.0) -> Packed:
-        """With wheels `rear` and `front` times as large (the frame stays), rear slipping by a share more."""
+    def scaled(
+        self, rear: float = 1.0, front: float = 1.0, slip: float = 0.0, frame: float = 1.0
+    ) -> Packed:
+        """With wheels `rear` and `front` times as large, rear slipping by a share more; the frame stays as it
+        is and goes up by `frame` of what the rear wheel grows."""
         p = self.p.copy()
-        p[RADIUS_REAR] *= rear
+        p[RADIUS_REAR] *= 1.0 + frame * (rear - 1.0)
         p[RADIUS_FRONT] *= front
         p[ROLLING] *= rear * (1.0 - slip)
         return Packed(_frozen(p), self.body, self.extra, self.sensor, self.encoder_on_frame)
