@@ -17,7 +17,7 @@ from hil.gap.record.repeats import Repeats
 from hil.gap.record.runs import as_runs
 from hil.identify.replay import Stretch, stretches
 from hil.sim import Twin
-from tests.gap.twin_runs import AXIS, record
+from tests.gap.twin_runs import AXIS, effect, record
 
 
 @pytest.fixture(scope="module")
@@ -139,3 +139,16 @@ def test_what_differs_wildly_between_repeats_is_no_noise():
     found = locate(frame, AXIS)
     assert "half the difference of their residuals" in found.floor_text
     assert found.is_gap
+
+
+def test_what_references_stand_above_the_floor_is_part_of_it():
+    """Of a difference as large as theirs nothing is left, beside one of another signal all."""
+    worn = record(effect("coulomb_friction", force=60.0), duration_s=10.0)
+    alone = locate(worn, AXIS)
+    beside = locate(worn, AXIS, healthy=alone)
+    assert alone.roughness["axis.force"] > 2.0
+    assert not beside.is_gap
+    assert all(s.ratio < 1.1 for s in beside.signals)
+    fine = locate(record(duration_s=10.0), AXIS)
+    assert not fine.is_gap
+    assert not fine.roughness

@@ -112,10 +112,12 @@ def _leading(rig: RigFile, _: float) -> RigFile:
 
 
 def _is_early(located: Located) -> float:
-    """1 where drives seem early by nearly a tick, as calibration says."""
-    tick = located.evidence.problem.rig.bus.position_loop
-    changes = [f.change for f in located.nuisances if f.name.endswith("transport_delay.delay")]
-    return float(bool(changes) and float(np.median(changes)) < -EARLY * tick)
+    """1 where drives seem early by nearly a tick, as calibration says of setpoints and positions together."""
+    rig = located.evidence.problem.rig
+    found = {f.name: f.change for f in located.nuisances}
+    ends = ("transport_delay.delay", "position.sensor_latency.delay")
+    late = [sum(found.get(f"{a}.{end}", 0.0) for end in ends) for a in rig.actuator_names]
+    return float(float(np.median(late)) < -EARLY * rig.bus.position_loop)
 
 
 def _drawing(rig: RigFile, _: float) -> RigFile:
