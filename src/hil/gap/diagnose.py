@@ -34,7 +34,7 @@ from hil.gap.located.habits import DRAWS, HABITS, LEADS, Habit, leaves_less, sha
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding, check_runs
-from hil.gap.record.lines import CLEAR, for_lines
+from hil.gap.record.lines import CLEAR, UNTOLD, for_lines
 from hil.gap.record.problem import Problem
 from hil.gap.record.runs import as_runs
 from hil.gap.search.candidates import fit_candidates
@@ -139,7 +139,7 @@ def consider(
     say("locating the gap")
     located = locate(loaded, rig, nuisances=nuisances, healthy=found, seed=seed)
     if not healthy:
-        located, usual = _as_usual(loaded, located, seed, may_draw=abs(nats) <= CLEAR)
+        located, usual = _as_usual(loaded, located, seed, may_draw=UNTOLD < nats <= CLEAR)
         habits += usual
     mine, parts = _considered(located, nuisances, without, seed, say)
     for habit in HABITS if not healthy else ():
@@ -208,7 +208,7 @@ def _as_usual(
 ) -> tuple[Located, list[tuple[Habit, float]]]:
     """What was located, by a twin with habits that no effect is like where those leave no gap; and which.
 
-    `may_draw`: drives do not say whether they draw out what force they are told.
+    `may_draw`: drives do not say clearly that they draw out what force they are told.
     """
     problem = located.evidence.problem
     rig = problem.rig
