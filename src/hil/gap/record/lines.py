@@ -23,8 +23,8 @@ FINEST: Final = 0.02
 OUTLIER: Final = 4.0
 """Robust spreads from which on an answer says no more."""
 CLEAR: Final = 6.0
-"""Nats that tell [of all runs of a case; set on tuning seeds 5001 to 5003: 10 and more where drives draw lines,
-or 3 where answers are taken just where setpoints come; 1 at most where they do not]."""
+"""Nats that tell [of all runs of a case; set on tuning seeds 5001 to 5003: 10 and more where drives draw
+lines, or 3 where answers are taken just where setpoints come; 1 at most where they do not]."""
 UNTOLD: Final = 2.0
 """Nats from which on drives may draw lines, and a twin that does and leaves no gap says so [the same seeds:
 1 at most of those that do not, of twelve that do two have 3]."""
