@@ -71,9 +71,9 @@ def fit(
     settled: float = SETTLED,
 ) -> Fit | None:
     """Fit the parameters named in `start` (values as for a twin without effects), but those that are chosen
-    and never fitted; None where the twin cannot
-    stand there. `z` (K,): nuisances to start from, by default where calibration left them. `settled`: a round
-    that gains less than this share of what is left ends the fit."""
+    and never fitted; None where the twin cannot stand there. `z` (K,): nuisances to start from, by default
+    where calibration left them. `settled`: a round that gains less than this share of what is left ends the
+    fit."""
     problem = c.problem
     own = own_nuisances(c, leaves)
     held = [k for k in range(len(c.nuisances)) if k not in own]
