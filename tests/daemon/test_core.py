@@ -90,6 +90,28 @@ def test_a_stale_cue_parks_and_a_fresh_one_resumes():
     assert session.core.state == "engaged"
 
 
+def test_another_clients_cue_does_not_engage_a_rig_whose_own_has_gone():
+    session = Session().engaged()
+    session.run_until(session.now_s + 3.0)
+    assert session.core.state == "parked"
+    session.ride(2.0, client="other")
+    assert session.core.state == "parked"
+    session.run_until(session.now_s + 0.5)
+    session.ride(2.0)
+    assert session.core.state == "engaged", "it is back, and that is who may"
+
+
+def test_another_clients_cue_does_not_take_over_between_two_cycles():
+    session = Session().engaged()
+    session.run_until(session.now_s + session.rig.cue.stale - 0.02)
+    while session.core._motion.guard.active_client(session.now_s) is not None:
+        session.run_until(session.now_s + 0.0005)
+    assert session.core.state == "engaged", "no cycle has seen yet that the cue is stale"
+    session.ride(0.1, client="other")
+    assert session.core.state == "parking"
+    assert "other" in session.text_of("cue_stale")
+
+
 def test_a_rig_left_alone_for_longer_waits_for_a_person():
     session = Session().engaged()
     session.run_until(session.now_s + 15.0)

@@ -19,6 +19,7 @@ from hil.safety import (
 )
 
 DT = 0.01
+CLIENT = "rider"
 SETTINGS = StateSettings(
     names=("left", "right"),
     answer_timeout_s=0.1,
@@ -123,9 +124,10 @@ class Bench:
 
     def engaged(self) -> Bench:
         self.ready()
-        self.inputs = {"cue_age_s": 0.0}
+        cue = {"cue_age_s": 0.0, "cue_client": CLIENT}
+        self.inputs = cue
         self.run(2 * DT)
-        self.inputs = {"cue_age_s": 0.0, "at_rest": False, "at_parked": False, "near_parked": False}
+        self.inputs = {**cue, "at_rest": False, "at_parked": False, "near_parked": False}
         assert self.step().motion is MotionGoal.FOLLOW
         return self
 

@@ -9,9 +9,10 @@ from hil.drives.driver import DrivePhase, PowerGoal
 from hil.safety import Cause, Command, Finding, MotionGoal, StateName, state_settings
 from hil.safety.conditions import POWER_ON_S, RESET_S
 from hil.safety.states import RESUME_S
-from tests.safety.rig_bench import DT, SETTINGS, Bench
+from tests.safety.rig_bench import CLIENT, DT, SETTINGS, Bench
 
 OFFLINE, PREPARING, PARKED, READY, ENGAGED, PARKING, FAULT, EMERGENCY = StateName
+SAME_CLIENT = {"cue_client": CLIENT}
 
 
 @pytest.fixture
@@ -93,18 +94,42 @@ def test_a_cue_that_comes_back_soon_engages_again_by_itself(bench: Bench) -> Non
     assert bench.state.name is PARKING, "and not before it has parked"
     bench.step(cue_age_s=0.0)
     assert bench.state.name is PARKING
-    bench.inputs = {}
+    bench.inputs = SAME_CLIENT
     assert bench.step(cue_age_s=1.0).state is PARKED
-    assert bench.step(cue_age_s=0.0).state is READY
     assert bench.step(cue_age_s=0.0).state is ENGAGED
 
 
-@pytest.mark.parametrize(("late_s", "state"), [(-2 * DT, READY), (2 * DT, PARKED)])
+def test_the_cue_of_another_client_does_not_engage_it_again(bench: Bench) -> None:
+    bench.engaged()
+    bench.step(cue_age_s=0.3, cue_client=None)
+    bench.inputs = {}
+    out = bench.run(1.0, cue_age_s=0.0, cue_client="other")
+    assert (out.state, out.motion) == (PARKED, MotionGoal.HOLD)
+    assert bench.step(cue_age_s=0.0, **SAME_CLIENT).state is ENGAGED
+
+
+def test_an_arm_lets_any_client_engage_it(bench: Bench) -> None:
+    bench.engaged()
+    bench.step(cue_age_s=0.3, cue_client=None)
+    bench.inputs = {"cue_age_s": 0.0, "cue_client": "other"}
+    bench.step()
+    assert bench.ask(Command.ARM)[0]
+    assert bench.run(0.1).state is ENGAGED
+
+
+def test_another_clients_cue_in_place_of_the_one_it_follows_is_stale(bench: Bench) -> None:
+    bench.engaged()
+    out = bench.step(cue_age_s=0.0, cue_client="other")
+    assert (out.state, out.motion) == (PARKING, MotionGoal.PARK)
+    assert "other" in out.events[0].text
+
+
+@pytest.mark.parametrize(("late_s", "state"), [(-2 * DT, ENGAGED), (2 * DT, PARKED)])
 def test_a_cue_that_comes_back_late_does_not(bench: Bench, late_s: float, state: StateName) -> None:
     bench.engaged()
     bench.step(cue_age_s=0.3)
     since_s = bench.now_s
-    bench.inputs = {"cue_age_s": 1.0}
+    bench.inputs = {"cue_age_s": 1.0, **SAME_CLIENT}
     bench.run(RESUME_S + late_s - DT)
     assert bench.now_s == pytest.approx(since_s + RESUME_S + late_s - DT)
     assert bench.step(cue_age_s=0.0).state is state
@@ -114,7 +139,7 @@ def test_nor_does_it_after_another_trouble_on_the_way(bench: Bench) -> None:
     bench.engaged()
     bench.step(cue_age_s=0.3)
     bench.step(cue_age_s=0.3, overruns=5)
-    bench.inputs = {}
+    bench.inputs = SAME_CLIENT
     bench.run(0.1, cue_age_s=1.0)
     assert bench.run(0.1, cue_age_s=0.0).state is PARKED
 

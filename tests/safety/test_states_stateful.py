@@ -8,7 +8,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from hil.drives.driver import DrivePhase, PowerGoal
 from hil.safety import Cause, Command, Finding, MotionGoal, RigOutputs, StateName
-from tests.safety.rig_bench import SETTINGS, Bench
+from tests.safety.rig_bench import CLIENT, SETTINGS, Bench
 
 AT_REST = {"at_rest": True, "at_parked": True, "near_parked": True}
 WAYS = ("offline", "parked", "ready", "engaged", "parking", "held", "ramping", "emergency")
@@ -25,6 +25,7 @@ class AnyDay(RuleBasedStateMachine):
         assert self.bench.out is not None
         self.outputs: list[RigOutputs] = [self.bench.out]
         self.asked: Command | None = None
+        self.client: str | None = self.bench.state.client
         self.verified = self.enabled = True
 
     def step(self, *findings: Finding, command: Command | None = None) -> None:
@@ -45,6 +46,8 @@ class AnyDay(RuleBasedStateMachine):
             bench.ask(command)
         assert bench.out is not None
         self.outputs.append(bench.out)
+        if command is Command.ARM and bench.out.replies[0].ok:
+            self.client = None
 
     @rule(i=st.integers(0, 1), phase=st.sampled_from(DrivePhase))
     def a_drive_changes(self, i: int, phase: DrivePhase) -> None:
@@ -62,7 +65,7 @@ class AnyDay(RuleBasedStateMachine):
     @precondition(lambda self: self.outputs[-1].state is StateName.PARKED)
     @rule()
     def a_ride_begins(self) -> None:
-        self.bench.inputs = {"cue_age_s": 0.0, **AT_REST}
+        self.bench.inputs = {"cue_age_s": 0.0, "cue_client": CLIENT, **AT_REST}
         self.step(command=Command.ARM)
         self.step()
         self.step()
@@ -86,6 +89,11 @@ class AnyDay(RuleBasedStateMachine):
     @rule(age=st.sampled_from([None, 0.0, 0.19, 0.21, 5.0]))
     def cue(self, age: float | None) -> None:
         self.bench.inputs["cue_age_s"] = age
+        self.step()
+
+    @rule(client=st.sampled_from([CLIENT, "other"]))
+    def another_client_sends(self, client: str) -> None:
+        self.bench.inputs["cue_client"] = client
         self.step()
 
     @rule(moving=st.booleans())
@@ -144,6 +152,14 @@ class AnyDay(RuleBasedStateMachine):
             assert self.asked in (Command.ARM, Command.PARK)
             assert self.verified
             assert now.state in (StateName.READY, StateName.PARKING)
+
+    @invariant()
+    def between_two_arms_one_client_alone_is_followed(self) -> None:
+        if not hasattr(self, "bench") or self.outputs[-1].state is not StateName.ENGAGED:
+            return
+        self.client = self.client or self.bench.state.client
+        assert self.bench.state.client == self.client
+        assert self.outputs[-1].motion is MotionGoal.FOLLOW
 
     @invariant()
     def a_latched_fault_goes_by_a_reset_alone(self) -> None:

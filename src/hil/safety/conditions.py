@@ -48,6 +48,8 @@ class RigInputs(NamedTuple):
     drives: tuple[DriveStatus, ...]
     cue_age_s: float | None = None
     """Age of the newest valid cue; None: there has been none."""
+    cue_client: str | None = None
+    """Whose cue that is, while it is not stale."""
     requests: tuple[Request, ...] = ()
     at_rest: bool = True
     """The shaped motion stands still."""
@@ -108,9 +110,8 @@ def present(
     found = list(inputs.findings)
     for name, drive in zip(settings.names, inputs.drives, strict=True):
         found += _of_drive(name, drive, settings, state, now_s)
-    if state.name is StateName.ENGAGED and not is_fresh(inputs, settings):
-        age = "never came" if inputs.cue_age_s is None else f"is {inputs.cue_age_s:.3f} s old"
-        found.append(Finding(Cause.CUE_STALE, f"the newest cue {age}"))
+    if state.name is StateName.ENGAGED and not is_back(inputs, settings, state):
+        found.append(Finding(Cause.CUE_STALE, _stale(inputs, settings, state)))
     if inputs.overruns >= settings.overrun_cycles:
         found.append(Finding(Cause.OVERRUN, f"{inputs.overruns} cycles missed in a row"))
     if inputs.busy_cycles >= settings.overrun_cycles:
@@ -133,6 +134,19 @@ def present(
 def is_fresh(inputs: RigInputs, settings: StateSettings) -> bool:
     """Whether there is a valid cue that is not stale."""
     return inputs.cue_age_s is not None and inputs.cue_age_s <= settings.cue_stale_s
+
+
+def is_back(inputs: RigInputs, settings: StateSettings, state: RigState) -> bool:
+    """Whether there is a fresh cue of the client whose cues engaged the rig."""
+    return is_fresh(inputs, settings) and inputs.cue_client == state.client
+
+
+def _stale(inputs: RigInputs, settings: StateSettings, state: RigState) -> str:
+    if inputs.cue_age_s is None:
+        return "the newest cue never came"
+    if is_fresh(inputs, settings):
+        return f"{state.client} sends no cues any more, {inputs.cue_client} does"
+    return f"the newest cue is {inputs.cue_age_s:.3f} s old"
 
 
 def _of_drive(

@@ -87,7 +87,9 @@ _R = Reaction
 REACTIONS: Final[Mapping[Cause, Row]] = MappingProxyType(
     {
         Cause.CUE_STALE: Row(
-            _R.PARK, _R.NONE, "no fresh cue while engaged: the client died or the network stalls"
+            _R.PARK,
+            _R.NONE,
+            "no fresh cue of its client while engaged: the client died or the network stalls",
         ),
         Cause.ANSWERS_LOST: Row(
             _R.EMERGENCY,

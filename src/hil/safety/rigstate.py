@@ -68,7 +68,9 @@ class RigState:
     deadline_s: float = inf
     """When a ramp to rest must have come to rest."""
     resume_s: float = -inf
-    """Until then a fresh cue leads from parked back to ready: it went stale only a little while ago."""
+    """Until then a fresh cue of `client` engages the parked rig: it went stale only a little while ago."""
+    client: str | None = None
+    """Whose cues have engaged the rig last."""
     fault: Finding | None = None
     seen: tuple[tuple[Cause, float], ...] = ()
     """When each cause was last seen, so that each is told once and blocks arming for a while."""
@@ -109,6 +111,10 @@ class RigState:
         return replace(
             self, armed=False, energised=False, held=False, deadline_s=inf, resume_s=-inf
         )
+
+    def engage(self, client: str | None, now_s: float) -> RigState:
+        """Following the cues of `client`."""
+        return replace(self, client=client, resume_s=-inf).to(StateName.ENGAGED, now_s)
 
     def park(self, now_s: float, within_s: float, resume_s: float = -inf) -> RigState:
         """On the way to the parked pose."""

@@ -13,14 +13,14 @@ from typing import Final, Literal, NamedTuple
 
 from hil.drives.driver import DrivePhase, PowerGoal
 from hil.safety.commands import Reply, obey
-from hil.safety.conditions import UP, RigInputs, StateSettings, is_fresh, present
+from hil.safety.conditions import UP, RigInputs, StateSettings, is_back, is_fresh, present
 from hil.safety.reactions import Cause, Finding, Reaction, reaction
 from hil.safety.rigstate import MotionGoal, RigState, StateName
 from hil.signals import Event
 
 RESUME_S: Final = 10.0
-"""A rig that parked because its cue went stale engages again by itself if the cue is back within this
-time; after it a person may have come near, so that it takes an arm."""
+"""A rig that parked because its cue went stale engages again by itself if the same client's cue is back
+within this time; after it a person may have come near, so that it takes an arm."""
 
 
 class RigOutputs(NamedTuple):
@@ -129,10 +129,12 @@ class RigStateMachine:
                 return self._prepare(phases, state, now_s)
             case StateName.PARKED if not all(p in UP for p in phases):
                 return state.disarm().to(StateName.PREPARING, now_s)
-            case StateName.PARKED if state.resume_s >= now_s and is_fresh(inputs, self.settings):
-                return state.arm(now_s).to(StateName.READY, now_s)
+            case StateName.PARKED if state.resume_s >= now_s and is_back(
+                inputs, self.settings, state
+            ):
+                return state.engage(inputs.cue_client, now_s)
             case StateName.READY if state.energised and is_fresh(inputs, self.settings):
-                return state.to(StateName.ENGAGED, now_s)
+                return state.engage(inputs.cue_client, now_s)
             case StateName.PARKING if state.held:
                 return replace(state, deadline_s=inf) if inputs.at_rest else state
             case StateName.PARKING if state.energised and inputs.at_parked:

@@ -227,6 +227,7 @@ class RigCore:
         return RigInputs(
             drives=statuses,
             cue_age_s=None if age_s == inf else age_s,
+            cue_client=motion.guard.active_client(now_s),
             requests=requests,
             at_rest=motion.at_rest,
             at_parked=motion.at_parked,
