@@ -73,6 +73,22 @@ def test_the_rig_is_not_armed_while_an_object_is_being_written(parked: Session):
     parked.arm()
 
 
+@pytest.mark.parametrize("command", ["arm", "park"])
+def test_no_object_is_written_while_the_rig_is_about_to_be_armed(parked: Session, command: str):
+    parked.run_until(parked.now_s + 0.2)
+    parked.core.command(parked.now_s, CommandRecord(77, command))
+    parked.core.command(
+        parked.now_s, CommandRecord(78, "object", f"axis write {STOPPING} 10270000")
+    )
+    parked.core.command(parked.now_s, CommandRecord(79, "object", "axis read 101801"))
+    parked.run_until(parked.now_s + 1.0)
+    replies = {r.command_id: r for r in parked.of(ReplyRecord)}
+    assert [replies[k].ok for k in (77, 78, 79)] == [True, False, True]
+    assert "being armed" in replies[78].text
+    assert parked.core.state == ("ready" if command == "arm" else "parked")
+    assert not parked.core._link.gate.refused
+
+
 def test_a_drive_that_is_gone_answers_nothing_and_that_is_said(parked: Session):
     parked.simulated.drives[0].silence()
     parked.core.command(parked.now_s, CommandRecord(77, "object", "axis read 101801"))

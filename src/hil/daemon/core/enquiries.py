@@ -2,7 +2,8 @@
 
 A request is a line of text, `ACTUATOR read NUMBER` or `ACTUATOR write NUMBER BYTES`, both in hexadecimal.
 Nothing is written while the rig is armed or drives are powered; nothing, ever, that hil itself writes to the
-drive and has verified. The rig is not armed while a write is under way.
+drive and has verified. The rig is not armed while a write is under way; of a write and an arm in one cycle
+the later one is refused.
 """
 
 from __future__ import annotations
@@ -43,11 +44,11 @@ class Enquiries:
         """Whether a write is under way."""
         return any(w.enquiry.data is not None for w in self._waiting)
 
-    def begin(self, now_s: float, command: CommandRecord) -> ReplyRecord | None:
-        """Take a request; its reply where it is refused at once."""
+    def begin(self, now_s: float, command: CommandRecord, *, is_arming: bool) -> ReplyRecord | None:
+        """Take a request; its reply where it is refused at once. `is_arming`: the next cycle may arm."""
         try:
             driver, enquiry = self._parse(command.argument)
-            self._judge(driver, enquiry)
+            self._judge(driver, enquiry, is_arming=is_arming)
         except ProtocolError as error:
             return ReplyRecord(command.command_id, False, str(error))
         driver.enquire(enquiry)
@@ -86,7 +87,7 @@ class Enquiries:
         except ValueError:
             raise ProtocolError(f"{' '.join(words[2:])!r} is not hexadecimal") from None
 
-    def _judge(self, driver: DriveDriver, enquiry: Enquiry) -> None:
+    def _judge(self, driver: DriveDriver, enquiry: Enquiry, *, is_arming: bool) -> None:
         if len(self._waiting) >= MOST:
             raise ProtocolError("too many enquiries wait for their drives")
         if driver.status.phase is DrivePhase.ABSENT:
@@ -100,6 +101,8 @@ class Enquiries:
             )
         if self._gate.armed:
             raise ProtocolError("nothing is written while the rig is armed: disarm it first")
+        if is_arming:
+            raise ProtocolError("nothing is written while the rig is being armed or parked")
         broken = self._gate.refuses_write(enquiry.number)
         if broken:
             raise ProtocolError(f"{driver.name}: {broken}")

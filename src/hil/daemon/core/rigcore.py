@@ -45,7 +45,7 @@ from hil.signals import Cue
 GATEWAY_TIMEOUT_S: Final = 1.0
 """A gateway silent for so long is gone; it beats ten times a second."""
 COMMANDS: Final = {command.value: command for command in Command}
-POWERING: Final = (Command.ARM.value, Command.PARK.value)
+POWERING: Final = (Command.ARM, Command.PARK)
 """Commands that may power drives."""
 OURS: Final = -1
 """Request number of requests that the core makes itself: nobody waits for the reply."""
@@ -126,9 +126,10 @@ class RigCore:
         if command.name == "gain":
             self._records.append(self._set_gain(command))
         elif command.name == "object":
-            refused = self._enquiries.begin(now_s, command)
+            is_arming = any(request.command in POWERING for request in self._requests)
+            refused = self._enquiries.begin(now_s, command, is_arming=is_arming)
             self._records += [refused] if refused else []
-        elif command.name in POWERING and self._enquiries.is_writing:
+        elif COMMANDS.get(command.name) in POWERING and self._enquiries.is_writing:
             text = "an object of a drive is being written: wait for its answer"
             self._records.append(ReplyRecord(command.command_id, False, text))
         elif command.name in COMMANDS:
