@@ -9,9 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.bus.faults import Corrupt, Drop, Flood, NodeOff
-from hil.daemon.records import ReplyRecord, SetpointRecord, StateRecord
+from hil.daemon.records import (
+    CommandRecord,
+    EventRecord,
+    InputRecord,
+    ReplyRecord,
+    SetpointRecord,
+    StateRecord,
+)
 from hil.errors import CommandRefused
 from hil.frames import Frame
+from hil.safety import MotionGoal
 from hil.signals import Cue, TimedPose
 from tests.daemon.simulated_rig import PROFILES, Session, rig_file
 
@@ -206,6 +214,53 @@ def test_stop_comes_to_rest_on_the_spot_and_disarm_switches_off():
     assert session.command("disarm").ok
     session.run_until(session.now_s + 0.1)
     assert not session.powered()
+
+
+# the end
+
+
+def test_a_rig_that_a_stop_holds_parks_before_it_leaves():
+    session = Session().engaged()
+    assert session.command("stop").ok
+    session.run_until(session.now_s + 2.0)
+    assert session.core.state == "parking"
+    session.leave()
+    assert session.core.state == "parked"
+    assert not session.powered()
+    assert np.abs(session.state().pose - np.asarray(session.rig.parked_pose)).max() < 0.01
+
+
+def test_a_stop_while_the_daemon_ends_holds_and_the_drives_go_off_on_the_spot():
+    session = Session().engaged()
+    session.core.end()
+    session.run_until(session.now_s + 0.3)
+    assert session.core.state == "parking"
+    assert session.command("stop").ok
+    session.run_until(session.now_s + 2.0)
+    assert not session.core.armed
+    assert session.core.state == "parked"
+    assert not session.powered()
+    assert not [e for e in session.of(EventRecord) if e.severity == "fault"]
+
+
+def test_a_stop_in_the_cycle_of_the_end_holds():
+    session = Session().engaged()
+    session.core.end()
+    session.core.command(session.now_s, CommandRecord(77, "stop"))
+    session.run_until(session.now_s + session.rig.bus.cycle)
+    assert session.core._goal is MotionGoal.HOLD
+    session.run_until(session.now_s + 2.0)
+    assert not session.core.armed
+
+
+def test_to_be_told_to_end_twice_is_to_be_told_once():
+    session = Session().engaged()
+    session.core.end()
+    session.run_until(session.now_s + 0.3)
+    session.core.end()
+    session.run_until(session.now_s + 0.1)
+    assert session.core.state == "parking", "it parks on"
+    assert [r.what for r in session.of(InputRecord)].count("end") == 1
 
 
 # what breaks

@@ -152,9 +152,13 @@ class RigCore:
         self._telling.warn(now_s, "bus_refused", f"{frame} was not sent: {error}")
 
     def end(self) -> None:
-        """Somebody wants to leave: park if the drives are on, then switch them off."""
+        """Somebody wants to leave: park if the drives are on, then switch them off. Again: nothing new."""
+        if self._ending:
+            return
         self._heard(self._last_s, "end")
         self._ending = True
+        if self._state.name is StateName.PARKING and self._state.held:
+            self._requests.append(Request(OURS, Command.PARK))
 
     def cut_power(self) -> None:
         """Drives off at the next slot, whatever the rig does: parking took too long."""
@@ -224,7 +228,8 @@ class RigCore:
 
     def _inputs(self, now_s: float, statuses: tuple[DriveStatus, ...]) -> RigInputs:
         motion, age_s = self._motion, self._motion.guard.age_s(now_s)
-        requests, self._requests = (*self._requests, *self._own_requests()), []
+        # Our own first: what a person says at the same time holds, a stop above all.
+        requests, self._requests = (*self._own_requests(), *self._requests), []
         return RigInputs(
             drives=statuses,
             cue_age_s=None if age_s == inf else age_s,
@@ -241,11 +246,13 @@ class RigCore:
         )
 
     def _own_requests(self) -> tuple[Request, ...]:
+        """What an ending core asks of itself. A stop that a person says meanwhile ends on the spot."""
         if not self._ending or not self._state.armed:
             return ()
         if self._state.name in (StateName.READY, StateName.ENGAGED):
             return (Request(OURS, Command.PARK),)
-        if self._state.name is StateName.PARKED:
+        is_stopped = self._state.name is StateName.PARKING and self._state.held
+        if self._state.name is StateName.PARKED or (is_stopped and self._motion.at_rest):
             return (Request(OURS, Command.DISARM),)
         return ()
 
