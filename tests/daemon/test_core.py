@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.bus.faults import Corrupt, Drop, Flood, NodeOff
+from hil.daemon.core.rigcore import OFF_CYCLES
 from hil.daemon.records import (
     CommandRecord,
     EventRecord,
@@ -251,6 +252,28 @@ def test_a_stop_in_the_cycle_of_the_end_holds():
     assert session.core._goal is MotionGoal.HOLD
     session.run_until(session.now_s + 2.0)
     assert not session.core.armed
+
+
+def test_it_has_ended_once_the_drives_were_told_to_be_off_often_enough():
+    session = Session().engaged()
+    session.core.end()
+    while session.core.armed:
+        assert not session.core.has_ended
+        session.run_until(session.now_s + session.rig.bus.cycle)
+    told = len(session.sent())
+    while not session.core.has_ended:
+        session.run_until(session.now_s + session.rig.bus.cycle)
+    words = [r.frame for r in session.sent()[told:] if 0x295 < r.frame.can_id < 0x299]
+    assert len(words) >= OFF_CYCLES * len(session.rig.actuators)
+    assert not session.powered()
+
+
+def test_a_rig_that_is_off_has_ended_with_the_word():
+    session = Session()
+    session.run_until(1.0)
+    assert not session.core.has_ended
+    session.core.end()
+    assert session.core.has_ended
 
 
 def test_to_be_told_to_end_twice_is_to_be_told_once():

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -37,8 +38,12 @@ def riding(bench):
         yield bench
 
 
-def test_ctrl_c_parks_then_leaves_and_the_recording_is_whole(riding):
-    riding.control.send_signal(signal.SIGINT)
+@pytest.mark.parametrize("times", [1, 3])
+def test_ctrl_c_parks_then_leaves_and_the_recording_is_whole(riding, times):
+    """However often it is pressed: whoever is impatient does not make the rig fall."""
+    for _ in range(times):
+        riding.control.send_signal(signal.SIGINT)
+        time.sleep(0.1)
     assert riding.control.wait(30.0) == 0, riding.said()
     (folder,) = riding.runs.iterdir()
     run = load_run(folder)

@@ -42,8 +42,6 @@ GATEWAY_START_S: Final = 15.0
 GATEWAY_HUNG_S: Final = 5.0
 """A gateway that lives and says nothing for so long will not come back: the rig has parked by then, and
 whoever started the daemon had better start it anew."""
-OFF_CYCLES: Final = 10
-"""Cycles in which the drives are told to be off before the process ends."""
 
 
 @dataclass(slots=True)
@@ -99,7 +97,6 @@ class ControlProcess:
         self._tell_s = now_s
         self._alive_s = now_s
         self._ending_s: float | None = None
-        self._off_cycles = 0
         self._gateway_s = now_s
         self.gateway_died = False
         """The gateway process ended before this one, or hangs."""
@@ -149,12 +146,10 @@ class ControlProcess:
             self._timer.close()
 
     def end(self) -> None:
-        """Park if the rig is up, switch the drives off, then leave. A second call leaves at once."""
-        now_s = time.monotonic()
-        if self._ending_s is not None:
-            self._off_cycles = OFF_CYCLES
+        """Park if the rig is up, switch the drives off, then leave. Told again, it parks on all the same."""
+        if self._core.is_ending:
             return
-        self._ending_s = now_s
+        self._ending_s = time.monotonic()
         self._stop_waiting()
         self._core.end()
         self._notifier.stopping("parking")
@@ -213,8 +208,7 @@ class ControlProcess:
             # Nobody records or publishes any more: park, and let whoever started us start anew.
             self.gateway_died = True
             asyncio.get_running_loop().remove_reader(self._channel.fileno())
-            if self._ending_s is None:
-                self.end()
+            self.end()
 
     def _send(self, now_s: float, frames: Sequence[Frame]) -> None:
         for frame in frames:
@@ -240,7 +234,7 @@ class ControlProcess:
             self._notifier.status(f"{self._rig.name} on {self._where}: {self._core.state}")
 
     def _watch_gateway(self, now_s: float) -> None:
-        if self._ending_s is None and now_s - self._gateway_s > GATEWAY_HUNG_S:
+        if not self._core.is_ending and now_s - self._gateway_s > GATEWAY_HUNG_S:
             self.gateway_died = True
             text = f"the gateway says nothing for {GATEWAY_HUNG_S:g} s: the daemon ends"
             self._channel.send(EventRecord(now_s, "fault", "gateway_hung", text))
@@ -251,7 +245,5 @@ class ControlProcess:
             return
         if now_s - self._ending_s > PARK_S:
             self._core.cut_power()
-        if not self._core.armed:
-            self._off_cycles += 1
-        if self._off_cycles > OFF_CYCLES * (len(self._rig.actuators) + 1) and not self._done.done():
+        if self._core.has_ended and not self._done.done():
             self._done.set_result(None)

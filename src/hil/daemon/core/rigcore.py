@@ -47,6 +47,8 @@ GATEWAY_TIMEOUT_S: Final = 1.0
 COMMANDS: Final = {command.value: command for command in Command}
 POWERING: Final = (Command.ARM, Command.PARK)
 """Commands that may power drives."""
+OFF_CYCLES: Final = 10
+"""Cycles in which the drives are told to be off before a core that was told to end has ended."""
 OURS: Final = -1
 """Request number of requests that the core makes itself: nobody waits for the reply."""
 
@@ -74,6 +76,7 @@ class RigCore:
         self._woken_s = start_s
         self.start_at(start_s)
         self._ending = False
+        self._off_cycles = 0
         self.bus_load = float("nan")
         """Share of the bus in use, as whoever holds the port has measured it."""
 
@@ -97,6 +100,16 @@ class RigCore:
     def armed(self) -> bool:
         """Whether the gate lets the drives be powered."""
         return self._state.armed
+
+    @property
+    def is_ending(self) -> bool:
+        """Whether somebody wants to leave."""
+        return self._ending
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it was told to end, the drives are off and have been told so often enough."""
+        return self._ending and self._off_cycles > OFF_CYCLES
 
     # what comes in
 
@@ -213,6 +226,7 @@ class RigCore:
         buses.seen()
         self._power, self._goal = outputs.power, outputs.motion
         link.gate.arm() if outputs.armed else link.gate.disarm()
+        self._off_cycles = 0 if outputs.armed else self._off_cycles + 1
         # By the schedule, not by the wake-up: lateness must not become speed jitter.
         motion.step(due.due_s, outputs.motion)
         telling.note(outputs.events)
