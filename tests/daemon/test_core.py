@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.bus.faults import Corrupt, Drop, Flood, NodeOff
+from hil.daemon.core.motion import Motion
 from hil.daemon.core.rigcore import OFF_CYCLES
 from hil.daemon.records import (
     CommandRecord,
@@ -20,7 +21,7 @@ from hil.daemon.records import (
 )
 from hil.errors import CommandRefused
 from hil.frames import Frame
-from hil.safety import MotionGoal
+from hil.safety import MotionGoal, state_settings
 from hil.signals import Cue, TimedPose
 from tests.daemon.simulated_rig import PROFILES, Session, rig_file
 
@@ -274,6 +275,37 @@ def test_a_rig_that_is_off_has_ended_with_the_word():
     assert not session.core.has_ended
     session.core.end()
     assert session.core.has_ended
+
+
+@pytest.mark.parametrize("cause", ["ramp_timeout", "leave_timeout"])
+def test_a_rig_that_does_not_get_parked_on_the_way_out_is_cut_and_that_is_said(cause, monkeypatch):
+    session = Session(rig_file("axis")).engaged(1.0)
+    settings = state_settings(session.rig)
+    monkeypatch.setattr(Motion, "at_parked", property(lambda motion: False))
+    session.core.end()
+    end_s = session.now_s + settings.leave_time_s
+    while session.core.armed and session.now_s < end_s + 1.0:
+        session.run_until(session.now_s + 0.5)
+        if cause == "leave_timeout":  # somebody asks for it again and again
+            session.command("park")
+    assert cause in session.events()
+    assert (session.now_s > end_s) is (cause == "leave_timeout")
+    assert session.core.state == "emergency"
+    assert session.core.is_cut
+    session.run_until(session.now_s + 0.5)
+    assert session.core.has_ended
+    assert not session.powered()
+
+
+def test_a_slow_rig_has_the_time_to_park_that_it_needs():
+    session = Session(rig_file("axis", parking={"speed_share": 0.02}))
+    session.arm()
+    session.ride(6.0, lambda t_s: (0.9 * session.rig.limits[0] * min(t_s / 3.0, 1.0),))
+    start_s = session.now_s
+    session.leave()
+    assert session.now_s - start_s > 20.0
+    assert session.core.state == "parked"
+    assert not session.core.is_cut
 
 
 def test_to_be_told_to_end_twice_is_to_be_told_once():

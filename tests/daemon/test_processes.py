@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -25,6 +26,14 @@ def bench(tmp_path):
     made = Bench(tmp_path)
     yield made
     made.end()
+
+
+@pytest.fixture
+def slow(bench):
+    """The bench's rig takes its time to park."""
+    text, n = re.subn(r"(?m)^speed_share = .*$", "speed_share = 0.002", bench.file.read_text())
+    assert n == 1
+    bench.file.write_text(text)
 
 
 @pytest.fixture
@@ -51,6 +60,17 @@ def test_ctrl_c_parks_then_leaves_and_the_recording_is_whole(riding, times):
     states = [e.text for e in run.events if e.name == "rig_state"]
     assert states[-1].endswith("parked")
     assert {"axis.setpoint", "axis.position", "axis.force", "imu.gyro_x"} <= set(run.table.columns)
+
+
+def test_a_rig_that_cannot_be_parked_at_the_end_is_cut_and_the_daemon_leaves_with_an_error(
+    slow, riding
+):
+    riding.simulated.send_signal(signal.SIGSTOP)
+    riding.control.send_signal(signal.SIGINT)
+    assert riding.control.wait(30.0) == 1
+    riding.simulated.send_signal(signal.SIGCONT)
+    (folder,) = riding.runs.iterdir()
+    assert "answers_lost" in [e.name for e in load_run(folder).events if e.severity == "fault"]
 
 
 def test_a_second_daemon_of_the_same_rig_refuses_to_start(riding):

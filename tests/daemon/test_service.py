@@ -9,11 +9,10 @@ import pytest
 
 from hil.configfile import data_folder, find_rig_file, load_rig
 from hil.daemon import service
-from hil.daemon.control_process import PARK_S
-from hil.daemon.gateway.gateway import LINGER_S
+from hil.daemon.leaving import control_s, daemon_s
 from hil.daemon.realtime import PRIORITY
-from hil.daemon.run import GATEWAY_END_S
 from hil.errors import ConfigError, HilError
+from hil.safety import state_settings
 
 HIL = Path("/opt/hil/bin/hil")
 needs_analyze = pytest.mark.skipif(
@@ -139,6 +138,34 @@ def test_uninstalling_leaves_the_owners_overrides(root, rig_on_can):
     assert override.exists()
 
 
+@pytest.mark.parametrize("speed_share", [None, 0.05])
+@pytest.mark.parametrize("name", ["axis", "emps", "simona", "stewart_canopen"])
+def test_nobody_is_killed_while_the_rig_parks(root, tmp_path, name, speed_share):
+    path = tmp_path / "rig.toml"
+    text = find_rig_file(name).read_text()
+    if speed_share is not None:
+        text, n = re.subn(r"(?m)^speed_share = .*$", f"speed_share = {speed_share}", text)
+        text += "" if n else f"\n[parking]\nspeed_share = {speed_share}\n"
+    path.write_text(text)
+    rig = load_rig(path)
+    install(root, path)
+    unit = (root / "etc/systemd/system/hild.service").read_text()
+    (stop_s,) = re.findall(r"(?m)^TimeoutStopSec=(.*)$", unit)
+    assert float(stop_s) >= max(daemon_s(rig), service.STOP_S)
+    assert daemon_s(rig) > control_s(rig) > state_settings(rig).park_time_s
+    assert speed_share is None or float(stop_s) > service.STOP_S
+
+
+def test_a_rig_file_that_parks_more_slowly_now_is_told_by_status(root, rig_on_can):
+    install(root, rig_on_can)
+    unit = "/etc/systemd/system/hild.service"
+    assert f"installed {unit}" in service.status(root, HIL)
+    there = root / "etc/hil/rig.toml"
+    text, n = re.subn(r"(?m)^speed_share = .*$", "speed_share = 0.05", there.read_text())
+    there.write_text(text if n else f"{text}\n[parking]\nspeed_share = 0.05\n")
+    assert f"differs   {unit}" in service.status(root, HIL)
+
+
 def unit_values(key):
     text = (data_folder("systemd") / "hild.service").read_text()
     return re.findall(rf"(?m)^{key}=(.*)$", text)
@@ -147,9 +174,7 @@ def unit_values(key):
 def test_its_limits_fit_what_the_daemon_does():
     assert int(unit_values("LimitRTPRIO")[0]) >= PRIORITY
     assert unit_values("LimitMEMLOCK") == ["infinity"]
-    stop_s = float(unit_values("TimeoutStopSec")[0])
-    assert stop_s > PARK_S + GATEWAY_END_S  # nobody is killed while the rig parks
-    assert LINGER_S > PARK_S  # the gateway records all of it
+    assert unit_values("TimeoutStopSec") == [str(service.STOP_S)]
     assert "NUMBA_CACHE_DIR" not in unit_values("Environment")[0]
 
 

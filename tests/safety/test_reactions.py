@@ -37,6 +37,7 @@ EXPECTED: dict[Cause, tuple[Reaction, Reaction]] = {
     Cause.DRIVE_NOT_ENABLED: (E, N),
     Cause.POWER_ON_TIMEOUT: (F, F),
     Cause.RAMP_TIMEOUT: (E, N),
+    Cause.LEAVE_TIMEOUT: (E, N),
     Cause.SECOND_MASTER: (F, B),
     Cause.IMU_LOST: (W, W),
 }

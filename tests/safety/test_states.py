@@ -288,6 +288,23 @@ def test_a_parking_that_takes_too_long_is_an_emergency(
     assert bench.state.name is state
 
 
+@pytest.mark.parametrize("way", ["ready", "parking", "held", "ramping"])
+def test_a_rig_that_is_told_to_leave_and_is_not_off_in_its_time_is_cut(
+    bench: Bench, way: str
+) -> None:
+    getattr(bench, way)()
+    name = bench.state.name
+    assert bench.step(leaving_s=SETTINGS.leave_time_s).state is name
+    out = bench.step(leaving_s=SETTINGS.leave_time_s + 1e-6)
+    assert (out.state, out.power, out.armed) == (EMERGENCY, PowerGoal.OFF, False)
+    assert bench.events[-2:] == ["leave_timeout", "rig_state"]
+
+
+def test_what_may_take_its_time_on_the_way_out_has_it() -> None:
+    parts_s = POWER_ON_S + SETTINGS.park_time_s + SETTINGS.stop_time_s
+    assert SETTINGS.leave_time_s > parts_s
+
+
 @pytest.mark.parametrize("way", ["engaged", "parking", "ramping"])
 def test_disarm_is_refused_while_the_rig_may_move(bench: Bench, way: str) -> None:
     getattr(bench, way)()

@@ -23,6 +23,7 @@ from hil.cli.options import ModeName, ModeOption, SeedOption, profiles_of, rig_w
 from hil.client import RigClient
 from hil.config import RigFile
 from hil.control.demo_ride import DURATION_S
+from hil.daemon.leaving import daemon_s
 from hil.daemon.simulated import record_ride
 from hil.errors import CommandRefused, HilError, RigNotReached
 from hil.runs import load_run
@@ -32,7 +33,6 @@ from hil.ui.report_summary import summary_lines
 
 START_S = 60.0
 """A fresh checkout compiles the model first, which takes half a minute on a small machine."""
-PARK_S = 20.0
 MOVING = ("engaged", "ready", "parking")
 
 
@@ -147,7 +147,7 @@ class Cast:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
             with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(PARK_S)
+                process.wait(daemon_s(self._rig))
             if process.poll() is None:
                 process.kill()
                 process.wait()

@@ -35,8 +35,6 @@ LOAD_S: Final = 0.5
 """Over which the bus load is averaged."""
 TELL_S: Final = 0.004
 """Least time between two datagrams to the gateway: a wake of it for each cycle of 1 ms would cost it dear."""
-PARK_S: Final = 20.0
-"""After the signal to end, the rig gets so long to park before the drives are switched off anyway."""
 GATEWAY_START_S: Final = 15.0
 """The gateway gets so long to come up before the rig is run without; it is disarmed until then anyway."""
 GATEWAY_HUNG_S: Final = 5.0
@@ -96,12 +94,16 @@ class ControlProcess:
         self._status_s = now_s
         self._tell_s = now_s
         self._alive_s = now_s
-        self._ending_s: float | None = None
         self._gateway_s = now_s
         self.gateway_died = False
         """The gateway process ended before this one, or hangs."""
         self._done: asyncio.Future[None]
         self._gateway_here: asyncio.Future[None]
+
+    @property
+    def power_was_cut(self) -> bool:
+        """The rig did not park: an emergency cut its power on the way to the end."""
+        return self._core.is_cut
 
     async def run(self) -> None:
         """Serve until the end; BusError if the bus is lost for good."""
@@ -149,7 +151,6 @@ class ControlProcess:
         """Park if the rig is up, switch the drives off, then leave. Told again, it parks on all the same."""
         if self._core.is_ending:
             return
-        self._ending_s = time.monotonic()
         self._stop_waiting()
         self._core.end()
         self._notifier.stopping("parking")
@@ -189,7 +190,8 @@ class ControlProcess:
         self._calm()
         self._notify(now_s)
         self._watch_gateway(now_s)
-        self._leave_when_off(now_s)
+        if self._core.has_ended and not self._done.done():
+            self._done.set_result(None)
 
     def _on_gateway(self) -> None:
         now_s = time.monotonic()
@@ -239,11 +241,3 @@ class ControlProcess:
             text = f"the gateway says nothing for {GATEWAY_HUNG_S:g} s: the daemon ends"
             self._channel.send(EventRecord(now_s, "fault", "gateway_hung", text))
             self.end()
-
-    def _leave_when_off(self, now_s: float) -> None:
-        if self._ending_s is None:
-            return
-        if now_s - self._ending_s > PARK_S:
-            self._core.cut_power()
-        if self._core.has_ended and not self._done.done():
-            self._done.set_result(None)

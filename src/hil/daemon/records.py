@@ -39,7 +39,6 @@ INPUTS: Final = (
     "refused",
     "refused_off",
     "end",
-    "cut_power",
 )
 """What a core can be told besides the frames it receives; "listen" is the start of a read-only one."""
 Severity = Literal["info", "warning", "fault"]

@@ -142,8 +142,6 @@ class Replay:
                 core.on_refused(now_s, record.frame, BusOff("as recorded"))
             case "end":
                 core.end()
-            case "cut_power":
-                core.cut_power()
             case "start" | "listen":
                 core.start_at(now_s)
 

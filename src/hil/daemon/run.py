@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import subprocess
-from typing import Final
 
 from hil.bus.port import open_port
 from hil.bus.schedule import require_schedule_fits
@@ -14,14 +13,12 @@ from hil.daemon.control_process import ControlProcess
 from hil.daemon.gateway.options import GatewayOptions
 from hil.daemon.gateway.process import start_gateway
 from hil.daemon.ipc import socket_pair
+from hil.daemon.leaving import GATEWAY_END_S
 from hil.daemon.lock import RigLock
 from hil.daemon.sdnotify import Notifier
 from hil.drives import build_drivers
 from hil.drives.profiles import Profiles
 from hil.errors import HilError
-
-GATEWAY_END_S: Final = 10.0
-"""The gateway gets so long to finish its recording."""
 
 
 def run_rig(
@@ -32,7 +29,8 @@ def run_rig(
     *,
     read_only: bool = False,
 ) -> int:
-    """Run the rig until SIGINT or SIGTERM. Returns 0, or 1 if the gateway process died meanwhile.
+    """Run the rig until SIGINT or SIGTERM. Returns 0, or 1 if it did not end in order: the gateway process
+    died meanwhile, or the rig's power was cut before it had parked.
 
     ConfigError where rig file, drive file and bit rate contradict each other, RigInUse where another
     daemon has the rig or the bus, BusError where there is no such bus.
@@ -53,7 +51,7 @@ def run_rig(
         asyncio.run(control.run())
     if gateway.returncode == 2:
         raise HilError(f"{rig.name}: the gateway process could not start; its reason is above")
-    return 1 if control.gateway_died else 0
+    return 1 if control.gateway_died or control.power_was_cut else 0
 
 
 def _end_gateway(gateway: subprocess.Popen[bytes]) -> None:

@@ -6,6 +6,7 @@ Nothing is started: a person does that, beside the rig.
 from __future__ import annotations
 
 import contextlib
+import math
 import shutil
 import subprocess
 import sys
@@ -16,11 +17,14 @@ from typing import Final, Literal
 
 from hil.config import RigFile
 from hil.configfile import data_folder, find_rig_file, load_rig
+from hil.daemon.leaving import daemon_s
 from hil.errors import HilError
 
 RIG: Final = Path("etc/hil/rig.toml")
 QUEUE_FRAMES: Final = 128
 """Transmit queue of a CAN interface: some cycles of a six-axis rig; the kernel's own 10 are less than one."""
+STOP_S: Final = 45
+"""TimeoutStopSec of the unit as it ships; of a rig that may take longer to park and leave, more."""
 _UNITS: Final = Path("etc/systemd/system")
 _WANTS_CAN: Final = _UNITS / "hild.service.d/can.conf"
 _TEMPLATE_BIN: Final = "/opt/hil/bin/hil"
@@ -48,7 +52,7 @@ def unit_files(rig: RigFile | None, executable: Path) -> list[Placed]:
     folder = data_folder("systemd")
     unit = (folder / "hild.service").read_text(encoding="utf-8")
     placed = [
-        Placed(_UNITS / "hild.service", unit.replace(_TEMPLATE_BIN, str(executable))),
+        Placed(_UNITS / "hild.service", _unit(unit, rig, executable)),
         _copied(folder / "hil-can@.service", _UNITS / "hil-can@.service"),
         _copied(folder / "hil.sysusers", Path("etc/sysusers.d/hil.conf")),
         _copied(folder / "hil.tmpfiles", Path("etc/tmpfiles.d/hil.conf")),
@@ -167,6 +171,15 @@ def _require_reachable(executable: Path) -> None:
                 "with the system's Python, as `make install PYTHON=/usr/bin/python3.11` does (into "
                 "/opt/hil), and call that one's `hil service install`"
             )
+
+
+def _unit(text: str, rig: RigFile | None, executable: Path) -> str:
+    """The daemon's unit: with the place of `hil`, and nobody killed while the rig parks."""
+    stop_s = STOP_S if rig is None else max(STOP_S, math.ceil(daemon_s(rig)))
+    stop = "TimeoutStopSec={}"
+    return text.replace(_TEMPLATE_BIN, str(executable)).replace(
+        stop.format(STOP_S), stop.format(stop_s)
+    )
 
 
 def _copied(source: Path, target: Path) -> Placed:

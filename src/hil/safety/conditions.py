@@ -14,6 +14,8 @@ from hil.safety.rigstate import RigState, StateName
 
 POWER_ON_S: Final = 3.0
 """A drive that is not enabled so long after arming will not be; power stages need some 0.5 s [M]."""
+LEAVE_SPARE_S: Final = 1.0
+"""What a rig that is told to leave may take beyond the sum of its parts."""
 RESET_S: Final = 2.0
 """How long an error reset is asked of the drives."""
 
@@ -65,6 +67,8 @@ class RigInputs(NamedTuple):
     """Cycles in a row in which the bus took a frame too few."""
     bus_off: bool = False
     gateway_alive: bool = True
+    leaving_s: float = 0.0
+    """Time since somebody wanted to leave; 0 where nobody has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +86,11 @@ class StateSettings:
     """So long after a fault began, refused setpoints are still those of the motion before it."""
     read_only: bool = False
     """The gate lets nothing pass: arming is refused."""
+
+    @property
+    def leave_time_s(self) -> float:
+        """A rig that is told to leave is off after less: drives come on, it parks, a stop on the way."""
+        return POWER_ON_S + self.park_time_s + self.stop_time_s + LEAVE_SPARE_S
 
 
 def state_settings(rig: RigFile, *, read_only: bool = False) -> StateSettings:
@@ -128,6 +137,14 @@ def present(
         )
     if now_s > state.deadline_s:
         found.append(Finding(Cause.RAMP_TIMEOUT, "the ramp to rest took longer than it may"))
+    if state.armed and inputs.leaving_s > settings.leave_time_s:
+        found.append(
+            Finding(
+                Cause.LEAVE_TIMEOUT,
+                f"told to end, the rig is not parked and off within {settings.leave_time_s:.1f} s: "
+                "its power is cut",
+            )
+        )
     return found
 
 

@@ -39,6 +39,7 @@ class Cause(Enum):
     DRIVE_NOT_ENABLED = "drive_not_enabled"
     POWER_ON_TIMEOUT = "power_on_timeout"
     RAMP_TIMEOUT = "ramp_timeout"
+    LEAVE_TIMEOUT = "leave_timeout"
     SECOND_MASTER = "second_master"
     IMU_LOST = "imu_lost"
 
@@ -175,6 +176,11 @@ REACTIONS: Final[Mapping[Cause, Row]] = MappingProxyType(
             _R.EMERGENCY,
             _R.NONE,
             "a ramp was not at rest in its time: stop_time, or what parking may take",
+        ),
+        Cause.LEAVE_TIMEOUT: Row(
+            _R.EMERGENCY,
+            _R.NONE,
+            "the daemon was told to end and the rig is not off in its time: nobody leads it any more",
         ),
         Cause.SECOND_MASTER: Row(
             _R.FAULT,

@@ -75,8 +75,10 @@ class RigCore:
         self._buses = Buses()
         self._woken_s = start_s
         self.start_at(start_s)
-        self._ending = False
+        self._ending_s: float | None = None
         self._off_cycles = 0
+        self.is_cut = False
+        """An emergency has cut the power of a rig that was told to end."""
         self.bus_load = float("nan")
         """Share of the bus in use, as whoever holds the port has measured it."""
 
@@ -104,12 +106,12 @@ class RigCore:
     @property
     def is_ending(self) -> bool:
         """Whether somebody wants to leave."""
-        return self._ending
+        return self._ending_s is not None
 
     @property
     def has_ended(self) -> bool:
         """Whether it was told to end, the drives are off and have been told so often enough."""
-        return self._ending and self._off_cycles > OFF_CYCLES
+        return self.is_ending and self._off_cycles > OFF_CYCLES
 
     # what comes in
 
@@ -166,17 +168,12 @@ class RigCore:
 
     def end(self) -> None:
         """Somebody wants to leave: park if the drives are on, then switch them off. Again: nothing new."""
-        if self._ending:
+        if self.is_ending:
             return
         self._heard(self._last_s, "end")
-        self._ending = True
+        self._ending_s = self._last_s
         if self._state.name is StateName.PARKING and self._state.held:
             self._requests.append(Request(OURS, Command.PARK))
-
-    def cut_power(self) -> None:
-        """Drives off at the next slot, whatever the rig does: parking took too long."""
-        self._heard(self._last_s, "cut_power")
-        self._state = self._state.disarm()
 
     # what is due
 
@@ -222,7 +219,10 @@ class RigCore:
         buses.begin_cycle()
         statuses = link.statuses
         inputs = self._inputs(now_s, statuses)
+        was_armed = self._state.armed
         outputs, self._state = self._machine.step(inputs, self._state, now_s)
+        if self.is_ending and was_armed and outputs.state is StateName.EMERGENCY:
+            self.is_cut = True
         buses.seen()
         self._power, self._goal = outputs.power, outputs.motion
         link.gate.arm() if outputs.armed else link.gate.disarm()
@@ -257,11 +257,12 @@ class RigCore:
             busy_cycles=self._buses.busy_cycles,
             bus_off=self._buses.is_off,
             gateway_alive=now_s - self._gateway_s < GATEWAY_TIMEOUT_S,
+            leaving_s=0.0 if self._ending_s is None else now_s - self._ending_s,
         )
 
     def _own_requests(self) -> tuple[Request, ...]:
         """What an ending core asks of itself. A stop that a person says meanwhile ends on the spot."""
-        if not self._ending or not self._state.armed:
+        if not self.is_ending or not self._state.armed:
             return ()
         if self._state.name in (StateName.READY, StateName.ENGAGED):
             return (Request(OURS, Command.PARK),)

@@ -24,6 +24,7 @@ from hil.daemon.gateway.options import GatewayOptions
 from hil.daemon.gateway.recording import Recording
 from hil.daemon.gateway.relay import Relay
 from hil.daemon.ipc import Channel
+from hil.daemon.leaving import control_s
 from hil.daemon.metrics import Metrics, MetricsServer
 from hil.daemon.records import GatewayAlive
 from hil.daemon.zenoh_session import RigSession
@@ -31,8 +32,6 @@ from hil.signals import Event
 
 ALIVE_S: Final = 0.1
 """Interval of the heartbeat to control."""
-LINGER_S: Final = 30.0
-"""After SIGINT or SIGTERM the gateway still records this long how control parks the rig."""
 AT_REST: Final = ("offline", "preparing", "parked", "ready")
 """States in which the end of control is nothing to worry about."""
 
@@ -117,11 +116,12 @@ class Gateway:
             self._events.say("info" if reply.ok else "warning", "recording", reply.message)
 
     def _handle_signals(self) -> None:
-        """Ctrl-C and systemd reach both processes; control parks first, and that is recorded."""
+        """Ctrl-C and systemd reach both processes; control parks first, and all of that is recorded."""
+        linger_s = control_s(self._rig)
         for number in (signal.SIGINT, signal.SIGTERM):
             with suppress(ValueError, RuntimeError):  # not on the main thread
                 self._loop.add_signal_handler(
-                    number, lambda: self._loop.call_later(LINGER_S, self._done.set)
+                    number, lambda: self._loop.call_later(linger_s, self._done.set)
                 )
 
     async def _beat(self, clients: Clients) -> None:

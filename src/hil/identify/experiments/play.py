@@ -21,11 +21,10 @@ from hil.identify.experiments.shaped import experiment_cues, lead_s
 from hil.messages import CueMessage, cue_message
 from hil.runs.folder import RECORDING, read_meta
 from hil.runs.mcapfile import McapSource
+from hil.safety import state_settings
 
 CLIENT: Final = "experiment"
 MOVING: Final = ("ready", "engaged")
-PARK_S: Final = 20.0
-"""Longest time that parking may take."""
 
 
 def play_simulated(
@@ -98,7 +97,7 @@ def play_on_rig(
         _stream(design, rig, client, on_progress)
     finally:
         client.command("park")
-        _await_parked(client)
+        _await_parked(client, rig)
         _record(client, on=False)
         _record(client, on=True)
     made = [f for f in sorted(_folders(runs) - before) if (f / RECORDING).is_file()]
@@ -170,8 +169,8 @@ def _need_motion(client: RigClient, rig: RigFile) -> None:
         )
 
 
-def _await_parked(client: RigClient) -> None:
-    end_s = time.monotonic() + PARK_S
+def _await_parked(client: RigClient, rig: RigFile) -> None:
+    end_s = time.monotonic() + state_settings(rig).park_time_s
     for state in client.states():
         if state.state not in (*MOVING, "parking") or time.monotonic() > end_s:
             return
