@@ -18,6 +18,7 @@ from hil.config import RigFile
 from hil.configfile import find_rig_file, load_rig
 from hil.daemon.gateway.gateway import GatewayOptions, run_gateway
 from hil.daemon.ipc import Channel, socket_pair
+from hil.daemon.log import Log
 from hil.daemon.records import (
     ActuatorState,
     CommandRecord,
@@ -100,7 +101,9 @@ class FakeControl:
 class RunningGateway:
     """A gateway on a thread; `result` is what it returned or raised."""
 
-    def __init__(self, rig: RigFile, options: GatewayOptions | None = None) -> None:
+    def __init__(
+        self, rig: RigFile, options: GatewayOptions | None = None, log_fd: int = 2
+    ) -> None:
         ours, theirs = socket_pair()
         self.rig = rig
         self.port = int(rig.zenoh.listen[0].rpartition(":")[2])
@@ -108,6 +111,7 @@ class RunningGateway:
         self.control = FakeControl(Channel(ours))
         self.result: int | BaseException | None = None
         self._options = options
+        self._log = Log(rig.name, log_fd)
         self._socket = theirs
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -115,11 +119,12 @@ class RunningGateway:
     def _run(self) -> None:
         text = find_rig_file("motorcycle").read_text()
         try:
-            self.result = run_gateway(self.rig, text, self._socket, self._options)
+            self.result = run_gateway(self.rig, text, self._socket, self._log, self._options)
         except Exception as error:  # noqa: BLE001  (the test looks at it)
             self.result = error
         finally:
             self._socket.close()
+            self._log.close()
 
     def wait_ready(self) -> None:
         until(lambda: self.control.heard or self.result is not None)
@@ -133,9 +138,12 @@ class RunningGateway:
 
 @contextmanager
 def gateway(
-    tmp_path: Path, options: GatewayOptions | None = None, **zenoh_settings: Any
+    tmp_path: Path,
+    options: GatewayOptions | None = None,
+    log_fd: int = 2,
+    **zenoh_settings: Any,
 ) -> Iterator[RunningGateway]:
-    running = RunningGateway(rig_at(free_port(), tmp_path, **zenoh_settings), options)
+    running = RunningGateway(rig_at(free_port(), tmp_path, **zenoh_settings), options, log_fd)
     try:
         running.wait_ready()
         yield running

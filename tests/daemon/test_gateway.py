@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 
 import msgspec
@@ -293,6 +294,47 @@ def test_events_of_control_are_passed_on(running, client):
     assert until(lambda: events)[0] == {
         "t": 9.0, "severity": "fault", "name": "drive_error", "text": "leg1: error 5",
     }  # fmt: skip
+
+
+def test_a_log_that_nobody_reads_holds_nothing_up_and_what_it_lacks_is_told(tmp_path):
+    end, fd = os.pipe()
+    with gateway(tmp_path, QUIET, fd) as running, plain(running.endpoint) as client:
+        events = client.subscribe("event")
+        for k in range(2000):
+            record = EventRecord(float(k), "info", "word", "x" * 100)
+            until(lambda record=record: running.control.channel.send(record) == 0)
+            time.sleep(0.001)  # Zenoh drops events where a burst of them fills its queue
+        until(lambda: "log_stalled" in names(events))
+        assert client.get("command/arm")[0][1]["ok"]
+        logged = b""
+        while b"log_back" not in logged:
+            logged += os.read(end, 65536)
+        (back,) = until(lambda: [event for event in events if event["name"] == "log_back"])
+    lost = int(back["text"].split(": ")[1].split()[0])
+    assert lost == pytest.approx(2000 - logged.count(b"name=word"), abs=5)
+    assert names(events).count("log_stalled") == 1
+    os.close(end)
+    os.close(fd)
+
+
+def test_a_client_that_keeps_asking_is_answered_each_time_and_told_of_once_a_second(
+    running, client
+):
+    events = client.subscribe("event")
+    start_s = time.monotonic()
+    replies = [client.get("command/dance")[0][1] for _ in range(50)]
+    replies += [client.get("command/arm")[0][1] for _ in range(50)]
+    assert [reply["ok"] for reply in replies] == [False] * 50 + [True] * 50
+    until(lambda: "command_done" in names(events))
+    for name in ("command_refused", "command_done"):
+        assert 1 <= names(events).count(name) <= 1 + time.monotonic() - start_s
+
+
+def test_what_a_client_writes_into_an_event_is_cut_short(running, client):
+    events = client.subscribe("event")
+    assert not client.get(f"command/{'dance' * 10_000}")[0][1]["ok"]
+    (told,) = until(lambda: [event for event in events if event["name"] == "command_refused"])
+    assert len(told["text"]) == 500
 
 
 def test_the_gateway_beats_for_control(running):

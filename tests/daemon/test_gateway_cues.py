@@ -5,7 +5,7 @@ import json
 import pytest
 
 from hil.daemon.gateway.cues import BURST, FORGET_S, MOST_CLIENTS, RATE_HZ, CueInlet
-from hil.daemon.gateway.events import RepeatLimiter
+from hil.daemon.gateway.events import MOST_KINDS, RepeatLimiter
 from hil.daemon.zenoh_session import Arrival
 from hil.errors import ProtocolError
 
@@ -67,4 +67,15 @@ def test_ever_new_kinds_do_not_fill_the_memory():
     limiter = RepeatLimiter()
     for k in range(5000):
         limiter.lets(f"kind {k}", float(k))
-    assert len(limiter._seen) <= 1001
+    assert len(limiter._seen) <= MOST_KINDS + 1
+
+
+def test_ever_new_kinds_within_a_second_are_told_as_one():
+    limiter = RepeatLimiter()
+    told = [limiter.lets(f"kind {k}", 0.0002 * k) for k in range(5000)]
+    assert [k for k, held_back in enumerate(told) if held_back is not None] == list(
+        range(MOST_KINDS + 1)
+    )
+    told = [limiter.lets(f"new kind {k}", 1.1 + 0.0002 * k) for k in range(5000)]
+    assert sum(held_back is not None for held_back in told) <= MOST_KINDS + 1
+    assert max(held_back or 0 for held_back in told) == 5000 - MOST_KINDS - 1

@@ -104,6 +104,7 @@ def test_killing_the_gateway_parks_and_ends_the_daemon_with_an_error(riding):
     (gateway,) = children_of(riding.control.pid)
     os.kill(gateway, signal.SIGKILL)
     assert riding.control.wait(30.0) == 1
+    assert "name=gateway_gone" in said(riding)
     (folder,) = riding.runs.iterdir()
     run = load_run(folder)
     assert run.table["t"].max() > 0.5  # all but the last second is there
@@ -114,6 +115,13 @@ def test_a_gateway_that_hangs_parks_the_rig_and_ends_the_daemon_with_an_error(ri
     os.kill(gateway, signal.SIGSTOP)
     assert riding.control.wait(60.0) == 1
     assert not Path(f"/proc/{gateway}").exists()
+    assert "says nothing for 5 s: the rig parks and the daemon ends" in said(riding)
+
+
+def said(bench: Bench) -> str:
+    """What the daemon, which has ended, wrote."""
+    bench.processes.remove(bench.control)
+    return bench.control.communicate()[0]
 
 
 def children_of(pid: int) -> list[int]:

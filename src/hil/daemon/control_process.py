@@ -1,7 +1,7 @@
 """The control process: one asyncio loop around the pure core, woken by a timerfd and by the bus.
 
-It opens no file and no Zenoh session and writes no log: everything it has to tell goes to the gateway as
-records, in sends that never block.
+It opens no file and no Zenoh session: everything it has to tell goes to the gateway as records, in sends that
+never block. Only once the gateway is gone do its events go to the log.
 """
 
 from __future__ import annotations
@@ -22,12 +22,20 @@ from hil.config import RigFile
 from hil.daemon.core import RigCore
 from hil.daemon.cue_parts import CueJoiner
 from hil.daemon.ipc import Channel
+from hil.daemon.log import Log
 from hil.daemon.realtime import CalmGarbage, request_rights
-from hil.daemon.records import CommandRecord, CueRecord, EventRecord, GatewayAlive, Severity
+from hil.daemon.records import (
+    CommandRecord,
+    CueRecord,
+    EventRecord,
+    GatewayAlive,
+    Record,
+)
 from hil.daemon.sdnotify import Notifier
 from hil.drives.driver import DriveBus
 from hil.errors import BusError
 from hil.frames import Frame
+from hil.signals import Severity
 
 STATUS_S: Final = 1.0
 """Between two status lines for systemd."""
@@ -76,6 +84,7 @@ class ControlProcess:
         ports: Sequence[BusPort],
         gateway: socket.socket,
         notifier: Notifier,
+        log: Log,
     ) -> None:
         now_s = time.monotonic()
         self._rig = rig
@@ -88,6 +97,7 @@ class ControlProcess:
         self._reads_at_sync = drives.is_synchronous and rig.bus.schedule == "fast"
         self._joiner = CueJoiner()
         self._notifier = notifier
+        self._log = log
         self._timer = Timer()
         self._garbage = CalmGarbage()
         self._loads = tuple(BusLoad(bitrate, now_s) for bitrate in rig.can.bitrates)
@@ -143,7 +153,7 @@ class ControlProcess:
             self._notifier.stopping("the control process ends")
             for fd in (*(fd for fd, _ in readers), self._channel.fileno()):
                 loop.remove_reader(fd)
-            self._channel.send(*self._core.take_records())
+            self._tell(*self._core.take_records())
             self._channel.close()
             self._timer.close()
 
@@ -186,7 +196,7 @@ class ControlProcess:
         self._timer.arm_at(self._core.next_due_s)
         if now_s >= self._tell_s:
             self._tell_s = now_s + TELL_S
-            self._channel.send(*self._core.take_records())
+            self._tell(*self._core.take_records())
         self._calm()
         self._notify(now_s)
         self._watch_gateway(now_s)
@@ -206,11 +216,9 @@ class ControlProcess:
                 self._core.gateway_alive(now_s)
                 self._gateway_s = now_s
                 self._stop_waiting()
-        if not self._channel.is_open and not self.gateway_died:
-            # Nobody records or publishes any more: park, and let whoever started us start anew.
-            self.gateway_died = True
+        if not self._channel.is_open:
             asyncio.get_running_loop().remove_reader(self._channel.fileno())
-            self.end()
+            self._lose_gateway(now_s, "gateway_gone", "the gateway process has ended")
 
     def _send(self, now_s: float, frames: Sequence[Frame]) -> None:
         for frame in frames:
@@ -237,7 +245,20 @@ class ControlProcess:
 
     def _watch_gateway(self, now_s: float) -> None:
         if not self._core.is_ending and now_s - self._gateway_s > GATEWAY_HUNG_S:
-            self.gateway_died = True
-            text = f"the gateway says nothing for {GATEWAY_HUNG_S:g} s: the daemon ends"
-            self._channel.send(EventRecord(now_s, "fault", "gateway_hung", text))
+            text = f"the gateway process says nothing for {GATEWAY_HUNG_S:g} s"
+            self._lose_gateway(now_s, "gateway_hung", text)
+
+    def _lose_gateway(self, now_s: float, name: str, text: str) -> None:
+        """Nobody records or publishes any more: park, and let whoever started us start anew."""
+        self.gateway_died = True
+        if not self._core.is_ending:
+            text = f"{text}: the rig parks and the daemon ends"
+            self._tell(EventRecord(now_s, "fault", name, text))
             self.end()
+
+    def _tell(self, *records: Record) -> None:
+        self._channel.send(*records)
+        if self.gateway_died:
+            for record in records:
+                if isinstance(record, EventRecord):
+                    self._log.event(record.severity, record.name, record.text)

@@ -45,6 +45,7 @@ class Metrics:
         self._slot_use = gauge("slot_use", "share of parameter slots that carried a pair")
         self._bus_load = gauge("bus_load", "share of the bus's bit time in use")
         self.record_drops = gauge("record_drops", "values that the recorder could not take")
+        self.log_drops = gauge("log_drops", "log lines that standard error could not take")
         self.is_recording = gauge("recording", "1 while a recording is written")
         self.clients = gauge("clients", "clients that show a liveliness token")
 

@@ -6,10 +6,10 @@ Times are seconds of CLOCK_MONOTONIC, which both processes share; values are SI,
 
 from __future__ import annotations
 
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 from hil.frames import Frame
-from hil.signals import IMU_QUANTITIES
+from hil.signals import IMU_QUANTITIES, Severity
 
 MAX_AXES: Final = 6
 """Coordinates of a pose and actuators of a rig, at most."""
@@ -41,7 +41,6 @@ INPUTS: Final = (
     "end",
 )
 """What a core can be told besides the frames it receives; "listen" is the start of a read-only one."""
-Severity = Literal["info", "warning", "fault"]
 SEVERITIES: Final[tuple[Severity, ...]] = ("info", "warning", "fault")
 
 _NAN = float("nan")

@@ -15,6 +15,7 @@ from hil.daemon.gateway.process import start_gateway
 from hil.daemon.ipc import socket_pair
 from hil.daemon.leaving import GATEWAY_END_S
 from hil.daemon.lock import RigLock
+from hil.daemon.log import Log
 from hil.daemon.sdnotify import Notifier
 from hil.drives import build_drivers
 from hil.drives.profiles import Profiles
@@ -39,6 +40,8 @@ def run_rig(
     require_schedule_fits(rig, profiles)
     with contextlib.ExitStack() as stack:
         stack.enter_context(RigLock(rig.name, *rig.can.urls))
+        log = Log(rig.name)
+        stack.callback(log.close)
         notifier = stack.enter_context(Notifier())
         ports = []
         for url, bitrate in zip(rig.can.urls, rig.can.bitrates, strict=True):
@@ -47,7 +50,7 @@ def run_rig(
         ours, theirs = socket_pair()
         gateway = start_gateway(rig, rig_text, theirs, options)
         stack.callback(_end_gateway, gateway)
-        control = ControlProcess(rig, drives, ports, ours, notifier)
+        control = ControlProcess(rig, drives, ports, ours, notifier, log)
         asyncio.run(control.run())
     if gateway.returncode == 2:
         raise HilError(f"{rig.name}: the gateway process could not start; its reason is above")

@@ -65,9 +65,9 @@ class Clients:
         (self._here.add if is_here else self._here.discard)(name)
         self._metrics.clients.set(len(self._here))
         if is_here:
-            self._events.say("info", "client_here", f"client {name} has come")
+            self._events.repeated("info", "client_here", name, f"client {name} has come")
         else:
-            self._events.say("info", "client_gone", f"client {name} has gone")
+            self._events.repeated("info", "client_gone", name, f"client {name} has gone")
 
     def on_query(self, query: zenoh.Query) -> None:
         """A command came; it is answered when control has answered it."""
@@ -105,7 +105,8 @@ class Clients:
             self._metrics.command(name, ok=reply.ok)
         self._session.reply(query, messages.encode(reply))
         outcome = "command_done" if reply.ok else "command_refused"
-        self._events.say("info", outcome, f"{name[:32]} from {who}: {reply.message}")
+        asked = f"{name[:32]} from {who}"
+        self._events.repeated("info", outcome, asked, f"{asked}: {reply.message}")
 
     async def _carry_out(self, command: Command) -> CommandReply:
         if command.name != "record":

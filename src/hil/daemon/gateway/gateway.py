@@ -25,6 +25,7 @@ from hil.daemon.gateway.recording import Recording
 from hil.daemon.gateway.relay import Relay
 from hil.daemon.ipc import Channel
 from hil.daemon.leaving import control_s
+from hil.daemon.log import Log
 from hil.daemon.metrics import Metrics, MetricsServer
 from hil.daemon.records import GatewayAlive
 from hil.daemon.zenoh_session import RigSession
@@ -37,23 +38,33 @@ AT_REST: Final = ("offline", "preparing", "parked", "ready")
 
 
 def run_gateway(
-    rig: RigFile, rig_text: str, sock: socket.socket, options: GatewayOptions | None = None
+    rig: RigFile,
+    rig_text: str,
+    sock: socket.socket,
+    log: Log,
+    options: GatewayOptions | None = None,
 ) -> int:
     """Run until control closes its end of `sock`. Returns 0, or 1 if control died in motion.
 
     RigInUse if the Zenoh endpoint is taken, ConfigError if it cannot be opened.
     """
     sys.setswitchinterval(0.001)  # the recorder's thread must not hold up cues for 5 ms
-    return asyncio.run(Gateway(rig, rig_text, sock, options or GatewayOptions()).run())
+    return asyncio.run(Gateway(rig, rig_text, sock, log, options or GatewayOptions()).run())
 
 
 class Gateway:
     """One rig's gateway; `run` does everything."""
 
     def __init__(
-        self, rig: RigFile, rig_text: str, sock: socket.socket, options: GatewayOptions
+        self,
+        rig: RigFile,
+        rig_text: str,
+        sock: socket.socket,
+        log: Log,
+        options: GatewayOptions,
     ) -> None:
         self._rig = rig
+        self._log = log
         self._options = options
         self._channel = Channel(sock)
         self._metrics = Metrics(rig.name)
@@ -75,7 +86,7 @@ class Gateway:
 
     async def _serve(self, session: RigSession) -> int:
         commands = PendingCommands(self._channel, self._options.command_timeout_s)
-        self._events = Events(self._rig.name, session, self._recording, self._metrics)
+        self._events = Events(session, self._recording, self._metrics, self._log)
         parts = (self._channel, session, self._recording, self._metrics, self._events, commands)
         self._relay = Relay(self._rig, *parts)
         clients = Clients(self._rig, *parts)
@@ -132,6 +143,8 @@ class Gateway:
             self._channel.send(GatewayAlive(now_s, is_recording))
             self._metrics.is_recording.set(is_recording)
             self._metrics.record_drops.set(self._recording.dropped)
+            self._metrics.log_drops.set(self._log.dropped)
+            self._events.watch()
             self._relay.watch(now_s)
             clients.watch()
             with suppress(TimeoutError):

@@ -5,6 +5,7 @@ The parent hands over one end of the socket pair as an inherited descriptor and 
 
 from __future__ import annotations
 
+import logging
 import socket
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import msgspec
 from hil.config import RigFile
 from hil.configfile import parse_settings
 from hil.daemon.gateway.options import GatewayOptions
+from hil.daemon.log import Log
 from hil.daemon.realtime import request_precedence
 from hil.errors import HilError
 
@@ -55,13 +57,16 @@ def main() -> int:
     if options["runs_folder"] is not None:
         options["runs_folder"] = Path(options["runs_folder"])
     rig = parse_settings(handed["rig"], RigFile, "rig handed to the gateway")
+    sock = socket.socket(fileno=int(sys.argv[1]))
+    log = Log(rig.name)
+    logging.basicConfig(stream=log)  # what asyncio complains of may not block either
     try:
-        return run_gateway(
-            rig, handed["text"], socket.socket(fileno=int(sys.argv[1])), GatewayOptions(**options)
-        )
+        return run_gateway(rig, handed["text"], sock, log, GatewayOptions(**options))
     except HilError as error:
-        sys.stderr.write(f"{error}\n")
+        log.write(f"{error}\n")
         return 2
+    finally:
+        log.close()
 
 
 if __name__ == "__main__":
