@@ -16,7 +16,7 @@ from hil.daemon.replay import Replay
 from hil.daemon.simulated import cue_at
 from hil.drivefiles import load_profile, load_profiles
 from hil.drives import DrivePhase
-from hil.errors import ConfigError
+from hil.errors import BusOff, CommandRefused, ConfigError
 from hil.frames import Frame
 from hil.safety import Rule
 from tests.daemon.simulated_rig import Session, rig_file
@@ -247,6 +247,24 @@ class _Dead:
 
     def on_refused(self, now_s: float, frame: Frame, error: Exception) -> None:
         return None
+
+
+def test_a_bus_without_its_controller_is_not_on_again_because_another_is_heard():
+    ride = session("stewart_canopen")
+    ride.wait_for("parked")
+    now_s = ride.now_s
+    ride.core.on_refused(now_s, Frame(0x201, bytes(6), bus=1), BusOff("can1 is off the bus"))
+    of_one, send = ride.core.on_frame, ride.core.on_due
+    ride.core.on_frame = lambda t_s, frame: of_one(t_s, frame) if frame.bus == 0 else ()
+    ride.core.on_due = lambda t_s: [frame for frame in send(t_s) if frame.bus == 0]
+    ride.run_until(now_s + 0.1)
+    assert "bus_on" not in ride.events()
+    with pytest.raises(CommandRefused, match="bus_off"):
+        ride.arm()
+    ride.core.on_frame = of_one
+    ride.core.on_due = send
+    ride.run_until(now_s + 2.0)
+    assert ride.events().count("bus_on") == 1
 
 
 def test_shipped_rig_files_name_drive_files_that_there_are():

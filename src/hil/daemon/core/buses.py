@@ -10,33 +10,39 @@ Said = tuple[str, str]
 
 
 class Buses:
-    """Of one rig. `busy_cycles`: in a row in which a frame was refused; `is_off`: a controller has left."""
+    """Of one rig. `busy_cycles`: in a row in which a frame was refused."""
 
     def __init__(self) -> None:
         self.busy_cycles = 0
-        self.is_off = False
-        self._is_again = False
+        self._off: set[int] = set()
+        self._again: set[int] = set()
         self._refused_now = False
 
-    def refused(self, *, is_off: bool) -> None:
+    @property
+    def is_off(self) -> bool:
+        """Whether a controller has left its bus."""
+        return bool(self._off)
+
+    def refused(self, bus: int, *, is_off: bool) -> None:
         """A frame was not taken; `is_off`: because the controller has left the bus."""
         self._refused_now = True
         if is_off:
-            self.is_off, self._is_again = True, False
+            self._left(bus)
 
     def heard(self, frame: Frame) -> Said | None:
-        """A frame was received; what there is to tell of the controllers."""
+        """A frame was received; what there is to tell of the controller of its bus."""
+        bus = frame.bus
         if frame.is_error:
             if frame.can_id & ERR_BUS_OFF:
-                self.is_off, self._is_again = True, False
-                return "bus_off", "the CAN controller has left the bus"
+                self._left(bus)
+                return "bus_off", f"the CAN controller of bus {bus} has left it"
             is_again = bool(frame.can_id & ERR_RESTARTED)
         else:  # a controller that is off hears nothing: it was restarted by hand
-            is_again = self.is_off
-        if not is_again or self._is_again:
+            is_again = bus in self._off
+        if not is_again or bus in self._again:
             return None
-        self._is_again = True
-        return "bus_on", "the CAN controller is on the bus again"
+        self._again.add(bus)
+        return "bus_on", f"the CAN controller of bus {bus} is on it again"
 
     def begin_cycle(self) -> None:
         """A cycle begins: count what the one before it brought."""
@@ -44,6 +50,11 @@ class Buses:
         self._refused_now = False
 
     def seen(self) -> None:
-        """A cycle has been told that it was off: only now may it be on again."""
-        if self._is_again:
-            self.is_off = self._is_again = False
+        """A cycle has been told which were off: only now may they be on again."""
+        if self._again:
+            self._off -= self._again
+            self._again.clear()
+
+    def _left(self, bus: int) -> None:
+        self._off.add(bus)
+        self._again.discard(bus)

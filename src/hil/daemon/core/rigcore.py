@@ -163,7 +163,7 @@ class RigCore:
         """The bus did not take a frame that had passed the gate."""
         is_off = isinstance(error, BusOff)
         self._heard(now_s, "refused_off" if is_off else "refused", frame=frame)
-        self._buses.refused(is_off=is_off)
+        self._buses.refused(frame.bus, is_off=is_off)
         self._telling.warn(now_s, "bus_refused", f"{frame} was not sent: {error}")
 
     def end(self) -> None:
