@@ -126,6 +126,16 @@ def recorded(weaving, tmp_path_factory):
     return run_through(weaving, tmp_path_factory.mktemp("runs"), start_at=1000.0)
 
 
+def test_a_panel_that_starts_where_nothing_can_be_recorded_is_told_and_no_more(weaving, tmp_path):
+    (tmp_path / "runs").write_text("a file where the folder should be")
+    told = []
+    acquisition = Acquisition(weaving.rig, tmp_path / "runs", told.append, live=False)
+    start = encode_button(weaving.rig.sensors.base_id, Button.START)
+    acquisition.on_frame(StampedFrame(1.0, start))
+    assert not acquisition.is_recording
+    assert [t.event.name for t in told] == ["not_recording"]
+
+
 def test_the_panel_makes_a_run_and_it_holds_the_ride(recorded, weaving):
     acquisition, told = recorded
     assert not acquisition.is_recording

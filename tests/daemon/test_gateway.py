@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 
 import msgspec
@@ -454,6 +455,16 @@ def test_a_folder_that_cannot_be_written_stops_the_recording_and_not_the_rig(tmp
         ((_, reply),) = client.get("command/record")
         assert not reply["ok"]
         assert client.get("command/arm")[0][1]["ok"]
+
+
+def test_a_recording_for_which_there_is_no_room_is_refused(tmp_path, monkeypatch):
+    with gateway(tmp_path, QUIET) as running, plain(running.endpoint) as client:
+        full = shutil.disk_usage(tmp_path)._replace(free=3 << 20)
+        monkeypatch.setattr("shutil.disk_usage", lambda path: full)
+        ((_, reply),) = client.get("command/record")
+    assert not reply["ok"]
+    assert "only 3 MiB are free, 64 stay reserved" in reply["message"]
+    assert list((tmp_path / "runs").iterdir()) == []
 
 
 def test_metrics_are_served_on_loopback(tmp_path):

@@ -246,8 +246,18 @@ def test_full_disk_keeps_all_that_was_written_before(
     assert [e.name for e in run.events] == ["recorder_stopped"]
 
 
-def test_reserve_of_the_disk_is_left_alone(tmp_path: Path, rig: RigFile, rig_toml: str) -> None:
-    recorder = Recorder(tmp_path, rig_toml, rig, START_S, reserve_bytes=1 << 60)
+def test_a_disk_that_is_full_already_is_named_and_gets_no_folder(
+    tmp_path: Path, rig: RigFile, rig_toml: str
+) -> None:
+    with pytest.raises(RunError, match=r"runs: cannot record: only \d+ MiB are free"):
+        Recorder(tmp_path / "runs", rig_toml, rig, START_S, reserve_bytes=1 << 60)
+    assert not (tmp_path / "runs").exists()
+
+
+def test_reserve_of_the_disk_is_left_alone(
+    recorder: Recorder, rig: RigFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder, "_reserve", 1 << 60)
     tell(recorder, rig, 0, 100)
     assert recorder.stopped is not None
     assert "stay reserved" in recorder.stopped.text

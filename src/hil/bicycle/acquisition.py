@@ -12,6 +12,7 @@ from hil.bus.port import BusPort
 from hil.config import BicycleFile
 from hil.configfile import rig_toml
 from hil.drives.bicycle_nodes import Button, NodesReceiver, Pressed
+from hil.errors import RunError
 from hil.frames import StampedFrame
 from hil.runs import Recorder
 from hil.signals import Event, Sample
@@ -105,12 +106,14 @@ class Acquisition:
             self._recorder = None
 
     def _on_button(self, pressed: Pressed) -> None:
-        if pressed.button is Button.START:
-            self.start(pressed.t_s, "ride")
-        elif pressed.button is Button.CALIBRATE:
-            self.start(pressed.t_s, "calibration: upright and still")
-        else:
+        if pressed.button is Button.STOP:
             self.stop(pressed.t_s, "stopped by the panel")
+            return
+        is_ride = pressed.button is Button.START
+        try:
+            self.start(pressed.t_s, "ride" if is_ride else "calibration: upright and still")
+        except RunError as error:
+            self._event(Event(pressed.t_s, "warning", "not_recording", f"not recording: {error}"))
 
     def _on_sample(self, sample: Sample) -> None:
         assert self._recorder is not None

@@ -16,7 +16,7 @@ from hil.bicycle.acquisition import Acquisition, Told
 from hil.config import BicycleFile
 from hil.daemon.gateway.commands import Command, parse_command
 from hil.daemon.zenoh_session import Arrival, RigSession
-from hil.errors import ProtocolError
+from hil.errors import ProtocolError, RunError
 from hil.messages import CommandReply, EventMessage
 
 RECORD: Final = "record"
@@ -70,7 +70,10 @@ class RemoteControl:
         if command.value:
             if recording.is_recording:
                 return CommandReply(False, f"records already into {recording.paths[-1]}")
-            recording.start(self._clock(), f"ride, started by {command.client or 'a client'}")
+            try:
+                recording.start(self._clock(), f"ride, started by {command.client or 'a client'}")
+            except RunError as error:
+                return CommandReply(False, f"not recording: {error}")
             return CommandReply(True, f"records into {recording.paths[-1]}")
         if not recording.is_recording:
             return CommandReply(False, "nothing is being recorded")

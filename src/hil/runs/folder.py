@@ -141,6 +141,12 @@ def new_folder(parent: Path, rig: str, started: datetime) -> Path:
     raise RunError(f"{parent}: holds a hundred runs that started in the same second")
 
 
+def nearest(folder: Path) -> Path:
+    """`folder`, or of those above it the nearest that there is."""
+    folder = folder.absolute()
+    return next(path for path in (folder, *folder.parents) if path.exists())
+
+
 def write_meta(folder: Path, meta: RunMeta) -> None:
     """Write `run.toml` at once: readers see the old file or the new one, never half of it."""
     fresh = folder / f".{RUN_TOML}"

@@ -44,6 +44,7 @@ from hil.runs.folder import (
     keep_drives,
     lock,
     meta_toml,
+    nearest,
     new_folder,
     provenance,
     run_mode,
@@ -65,7 +66,8 @@ class Recorder:
 
     `now_s` is the rig's clock at the start; times of all that follows are on the same clock, real
     or simulated. `started` (default: now) is the wall clock at that instant: files carry wall time.
-    Raises RunError where the folder cannot be made; from then on `stopped` tells of trouble.
+    Raises RunError where the folder cannot be made or the disk is full; from then on `stopped` tells
+    of trouble.
     """
 
     def __init__(
@@ -90,6 +92,10 @@ class Recorder:
         self._imu_at = (now_s, now_s)
         self.stopped: Event | None = None
         """Why recording ended before `close`; None while all is well."""
+        try:
+            self._require_room(nearest(folder))
+        except OSError as error:
+            raise RunError(f"{folder}: cannot record: {error.strerror}") from error
         self.path = new_folder(folder, rig.name, self._start)
         self._meta = RunMeta(
             rig=rig.name,
@@ -228,13 +234,16 @@ class Recorder:
             self.flush()
 
     def _flush(self) -> None:
-        free = shutil.disk_usage(self.path).free
-        if free < self._reserve:
-            raise OSError(0, f"only {free >> 20} MiB are free, {self._reserve >> 20} stay reserved")
+        self._require_room(self.path)
         self._mcap.flush()
         self._journal.flush(self._nanoseconds(self._last_s))
         if self._can is not None:
             self._can.flush()
+
+    def _require_room(self, folder: Path) -> None:
+        free = shutil.disk_usage(folder).free
+        if free < self._reserve:
+            raise OSError(0, f"only {free >> 20} MiB are free, {self._reserve >> 20} stay reserved")
 
     def _finish(self) -> None:
         self._mcap.finish()

@@ -19,6 +19,7 @@ from hil.drives import build_drivers
 from hil.drives.profiles import Profiles
 from hil.errors import RigInUse
 from hil.rigs import kernel
+from hil.runs.folder import nearest
 from hil.runs.recorder import RESERVE_BYTES
 
 BYTES_PER_DRIVE_S: Final = 60_000.0
@@ -44,7 +45,7 @@ def check_endpoints(rig: RigFile, *, is_running: bool) -> list[Finding]:
 def check_disk(rig: RigFile) -> list[Finding]:
     """Whether recordings can be written, and for how long."""
     folder = Path(rig.recording.folder).absolute()
-    there = next(path for path in (folder, *folder.parents) if path.exists())
+    there = nearest(folder)
     if not os.access(there, os.W_OK):
         text = f"recordings into {folder} cannot be written: no rights in {there}"
         remedy = "change recording.folder, or the folder's owner"
