@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
+from hil.daemon.core import RigCore
 from hil.daemon.records import CommandRecord, ReplyRecord
 from hil.drivefiles import load_profile
+from hil.drives import build_drivers
+from hil.drives.cia402 import codec
+from hil.drives.cia402.sdo import Transfer
 from hil.frames import Frame
+from hil.safety import Rule
 from tests.daemon.simulated_rig import Session, rig_file
+from tests.daemon.test_canopen_rigs import mixed
 
 PROFILES = {"cia402": load_profile("cia402"), "lust_cdd3000": load_profile("lust_cdd3000")}
 STOPPING = "608500"
@@ -59,6 +67,50 @@ def test_what_keeps_people_safe_is_never_written(parked: Session, number: str, w
     assert not answer.ok
     assert why in answer.text
     assert parked.core.state == "parked"
+
+
+@pytest.mark.parametrize("name", ["axis", "axis_canopen"])
+@pytest.mark.parametrize("number", ["-1", "1000000", "f" * 40])
+def test_a_number_that_no_object_can_have_is_refused(name: str, number: str):
+    session = Session(rig_file(name), PROFILES)
+    session.wait_for("parked")
+    for request in (f"axis read {number}", f"axis write {number} 00000000"):
+        answer = session.command("object", request)
+        assert not answer.ok
+        assert "has numbers up to" in answer.text
+    session.run_until(session.now_s + 0.2)
+    assert session.core.state == "parked"
+
+
+def test_what_one_drive_lets_be_written_is_not_written_to_another():
+    """Two legs of the platform are LUST's, the slide speaks CiA 402."""
+    session = Session(mixed(), PROFILES)
+    session.wait_for("parked")
+    slide, leg = session.rig.actuator_names[2], session.rig.actuator_names[0]
+    assert session.command("object", f"{slide} write {STOPPING} 10270000").ok
+    watchdog = PROFILES["lust_cdd3000"].parameters.watchdog.number
+    refused = session.command("object", f"{slide} write {watchdog:x} 00000000")
+    assert "lets nobody write" in refused.text
+    refused = session.command("object", f"{leg} write {STOPPING} 10270000")
+    assert "has numbers up to ffff" in refused.text
+
+
+def test_what_one_eds_lets_be_written_is_not_written_to_a_drive_with_another():
+    rig, ours = rig_file("stewart_canopen"), PROFILES["cia402"]
+    entries = {k: e for k, e in ours.objects.entries.items() if k != (0x6085, 0)}
+    other = ours.model_copy(update={"objects": dataclasses.replace(ours.objects, entries=entries)})
+    second = rig.actuators[1]
+    drive = second.drive.model_copy(update={"profile": "other"})
+    actuators = list(rig.actuators)
+    actuators[1] = second.model_copy(update={"drive": drive})
+    rig = rig.model_copy(update={"actuators": tuple(actuators)})
+    gate = RigCore(rig, build_drivers(rig, {"cia402": ours, "other": other}), 0.0)._link.gate
+    number = int(STOPPING, 16)
+    assert gate.refuses_write(0, number) is None
+    assert "lets nobody write" in gate.refuses_write(1, number)
+    request = codec.node_ids(rig.address(1)).sdo_request
+    frame = Frame(request, Transfer(0x6085, 0, bytes(4)).request, bus=second.drive.bus)
+    assert gate.pass_frame(0.0, frame).rule is Rule.WRITE_PARAMETER
 
 
 def test_the_rig_is_not_armed_while_an_object_is_being_written(parked: Session):

@@ -87,8 +87,12 @@ def test_parameter_requests_and_what_may_be_written() -> None:
     assert reader.meaning(write.can_id, write.data).value == 100
     assert reading(rig, profile, Frame(0x44E, bytes([0x3E, 2, 12, 0, 0, 0, 0, 0]))) is Ask.UNKNOWN
     gains = profile.parameters.gains
-    assert profile.parameters.watchdog.number in reader.writable
-    assert not reader.writable & {gains.position.number, gains.speed.number, gains.integral.number}
+    assert profile.parameters.watchdog.number in reader.writable(0)
+    assert not reader.writable(0) & {
+        gains.position.number,
+        gains.speed.number,
+        gains.integral.number,
+    }
 
 
 def test_system_frames() -> None:

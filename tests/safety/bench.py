@@ -46,7 +46,9 @@ class BenchMeaning:
             for base, size in ((ON, 8), (FORCE, 8), (SPEED, 8), (OFF, 1), (REQUEST, 2))
         },
     }
-    writable = frozenset({7, 8})
+
+    def writable(self, i: int) -> frozenset[int]:
+        return frozenset({7, 8}) if i == 0 else frozenset({8})
 
     def meaning(self, can_id: int, data: bytes) -> Meaning:
         if can_id == SYSTEM:

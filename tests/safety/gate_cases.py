@@ -145,8 +145,11 @@ CASES = [
     Case("a parameter that is not declared writable", [
         no(0.0, write(6), "write_parameter"), no(0.0, write(9), "write_parameter"), ok(0.0, write(8)),
     ]),
+    Case("what one drive's profile lets be written is not written to another", [
+        ok(0.0, write(7)), no(0.0, write(7, 1), "write_parameter"), ok(0.0, write(8, 1)),
+    ]),
     Case("no write while any drive is powered, reads as ever", [
-        *first(0.0, None), no(10.0, write(7, 1), "write_powered"), ok(10.0, read(7, 1)),
+        *first(0.0, None), no(10.0, write(8, 1), "write_powered"), ok(10.0, read(7, 1)),
     ]),
     Case("writes again once the drive is off", [*first(0.0, None), ok(10.5, off()), ok(10.5, write(7))]),
     Case("writes again only once every drive is off", [

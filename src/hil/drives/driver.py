@@ -81,6 +81,9 @@ class DriveDriver(Protocol):
     def status(self) -> DriveStatus:
         """The drive as known now."""
 
+    numbers: range
+    """That its objects or parameters may have."""
+
     @property
     def held(self) -> frozenset[int]:
         """Numbers of the objects or parameters that hil itself writes and verifies."""

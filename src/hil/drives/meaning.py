@@ -74,9 +74,8 @@ class FrameMeaning(Protocol):
         """The allow-list: identifier of every frame the master may send, and its data length, bytes."""
         ...
 
-    @property
-    def writable(self) -> frozenset[int]:
-        """Numbers of the parameters that the drives' profile lets the master write."""
+    def writable(self, i: int) -> frozenset[int]:
+        """Numbers of the parameters of actuator i's drive that its profile lets the master write."""
         ...
 
     def meaning(self, can_id: int, data: bytes) -> Meaning:
@@ -117,7 +116,11 @@ class CanlustMeaning:
             **dict.fromkeys(self._controls, codec.FRAME_LENGTH),
             **dict.fromkeys(self._requests, codec.FRAME_LENGTH),
         }
-        self.writable = writable_parameters(profile.parameters)
+        self._writable = writable_parameters(profile.parameters)
+
+    def writable(self, i: int) -> frozenset[int]:
+        """Numbers of the parameters that may be written: all drives have one profile."""
+        return self._writable
 
     def meaning(self, can_id: int, data: bytes) -> Meaning:
         """What a frame asks; its identifier and length are those of `lengths`."""

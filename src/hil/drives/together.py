@@ -40,6 +40,7 @@ class OnBus:
         self.name = driver.name
         self.setpoint_kind = driver.setpoint_kind
         self.wire_kind = driver.wire_kind
+        self.numbers = driver.numbers
         self._part = part
 
     @property
@@ -78,9 +79,9 @@ class TogetherMeaning:
 
     def __init__(self, parts: Sequence[Part]) -> None:
         self.lengths: dict[int, int] = {}
-        self.writable: frozenset[int] = frozenset().union(
-            *(p.drives.meaning.writable for p in parts)
-        )
+        self._writable = {
+            a: p.drives.meaning.writable(i) for p in parts for i, a in enumerate(p.actuators)
+        }
         self._of: dict[int, tuple[FrameMeaning, tuple[int, ...]]] = {}
         for part in parts:
             meaning = part.drives.meaning
@@ -88,6 +89,10 @@ class TogetherMeaning:
                 key = part.bus << BUS_SHIFT | can_id
                 self.lengths[key] = length
                 self._of[key] = (meaning, part.actuators)
+
+    def writable(self, i: int) -> frozenset[int]:
+        """What the part of actuator i lets be written to its drive."""
+        return self._writable[i]
 
     def meaning(self, can_id: int, data: bytes) -> Meaning:
         """What a frame asks, its actuator counted as in the rig file; `can_id` is the frame's key."""

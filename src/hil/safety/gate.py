@@ -84,9 +84,9 @@ class Gate:
         self._armed = False
         self._forget()
 
-    def refuses_write(self, number: int) -> str | None:
-        """Why a write of parameter `number` would be refused now; None where it would pass."""
-        broken = self._judge_write(Meaning(Ask.WRITE, parameter=number))
+    def refuses_write(self, i: int, number: int) -> str | None:
+        """Why a write of drive `i`'s parameter `number` would be refused now; None where it would pass."""
+        broken = self._judge_write(i, number)
         return None if broken is None else broken.text
 
     def measured(self, i: int, value: float, now_s: float) -> None:
@@ -160,8 +160,8 @@ class Gate:
                         Rule.NETWORK_ARMED, f"{meaning.text} would take a drive from an armed rig"
                     )
                 return None
-            case Ask.WRITE:
-                return self._judge_write(meaning)
+            case Ask.WRITE if meaning.actuator is not None:
+                return self._judge_write(meaning.actuator, meaning.parameter)
             case Ask.FAULT_RESET:
                 if self._armed:
                     return Broken(Rule.RESET_ARMED, "an armed rig resets no error by itself")
@@ -176,9 +176,8 @@ class Gate:
             case _:
                 return Broken(Rule.UNKNOWN_MEANING, meaning.text or "it asks nothing that is known")
 
-    def _judge_write(self, meaning: Meaning) -> Broken | None:
-        number = meaning.parameter
-        if number not in self._meaning.writable:
+    def _judge_write(self, i: int, number: int | None) -> Broken | None:
+        if number not in self._meaning.writable(i):
             return Broken(Rule.WRITE_PARAMETER, f"the profile lets nobody write parameter {number}")
         if self.powered:
             return Broken(

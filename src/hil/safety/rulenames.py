@@ -38,7 +38,10 @@ class Rule(Enum):
     )
     RESET_ARMED = "reset_armed", "no error reset while armed: a fault is reset by a person"
     NETWORK_ARMED = "network_armed", "no drive is started, stopped or reset as a node while armed"
-    WRITE_PARAMETER = "write_parameter", "only parameters that the profile declares writable"
+    WRITE_PARAMETER = (
+        "write_parameter",
+        "only parameters that the drive's own profile declares writable",
+    )
     WRITE_POWERED = "write_powered", "no parameter is written while any drive is powered"
     SETPOINT_KIND = "setpoint_kind", "setpoints are of the kind that the control mode sends"
     NOT_MEASURED = (

@@ -37,9 +37,6 @@ SHOWN: Final = (
 )
 """What `info` reads of a CiA 402 drive, where its EDS has it."""
 
-LARGEST_NUMBER: Final = 0xFFFF
-"""Of a CANLust parameter: two bytes in a request."""
-
 Value = int | float | str | bytes
 
 
@@ -164,9 +161,9 @@ def _parameter(profile: LustProfile, name: str) -> tuple[int, str, WireType, flo
     for number, label, kind, scale in _parameters(profile):
         if name in (label, str(number)):
             return number, label, kind, scale
-    if name.isdecimal() and int(name) <= LARGEST_NUMBER:
+    if name.isdecimal() and int(name) in lust.NUMBERS:
         return int(name), f"parameter {name}", "int32", 1.0
     known = ", ".join(label for _, label, _, _ in _parameters(profile))
     raise ProtocolError(
-        f"{profile.name} has no parameter {name!r}; there are {known}, and numbers up to {LARGEST_NUMBER}"
+        f"{profile.name} has no parameter {name!r}; there are {known}, and numbers up to {lust.NUMBERS[-1]}"
     )

@@ -34,12 +34,15 @@ SERVO: Final = 402
 class ScanMeaning:
     """All that a scan may say: read the device type and identity of a CANopen node."""
 
-    writable: frozenset[int] = frozenset()
     lengths: Final = dict.fromkeys(
         range(codec.SDO_REQUEST_BASE + 1, codec.SDO_REQUEST_BASE + 1 + codec.LARGEST_NODE),
         codec.SDO_LENGTH,
     )
     reads: Final = frozenset({(0x1000, 0), (0x1018, 1), (0x1018, 2)})
+
+    def writable(self, i: int) -> frozenset[int]:
+        """Nothing."""
+        return frozenset()
 
     def meaning(self, can_id: int, data: bytes) -> Meaning:
         """A read of one of these objects; everything else is unknown."""

@@ -35,7 +35,7 @@ class Enquiries:
     """The enquiries that wait for their drives."""
 
     def __init__(self, drives: DriveBus, gate: Gate) -> None:
-        self._drives = {driver.name: driver for driver in drives}
+        self._drives = {driver.name: (i, driver) for i, driver in enumerate(drives)}
         self._gate = gate
         self._waiting: list[_Waiting] = []
 
@@ -47,8 +47,8 @@ class Enquiries:
     def begin(self, now_s: float, command: CommandRecord, *, is_arming: bool) -> ReplyRecord | None:
         """Take a request; its reply where it is refused at once. `is_arming`: the next cycle may arm."""
         try:
-            driver, enquiry = self._parse(command.argument)
-            self._judge(driver, enquiry, is_arming=is_arming)
+            i, driver, enquiry = self._parse(command.argument)
+            self._judge(i, driver, enquiry, is_arming=is_arming)
         except ProtocolError as error:
             return ReplyRecord(command.command_id, False, str(error))
         driver.enquire(enquiry)
@@ -73,21 +73,24 @@ class Enquiries:
         self._waiting = left
         return replies
 
-    def _parse(self, text: str) -> tuple[DriveDriver, Enquiry]:
+    def _parse(self, text: str) -> tuple[int, DriveDriver, Enquiry]:
         words = text.split()
         if len(words) not in (3, 4) or words[1] != ("read", "write")[len(words) - 3]:
             raise ProtocolError(
                 f"{text!r} is neither 'ACTUATOR read NUMBER' nor a write with bytes"
             )
-        driver = self._drives.get(words[0])
-        if driver is None:
+        if words[0] not in self._drives:
             raise ProtocolError(f"there is no actuator {words[0]!r}")
+        i, driver = self._drives[words[0]]
         try:
-            return driver, Enquiry(int(words[2], 16), *(bytes.fromhex(w) for w in words[3:]))
+            number, data = int(words[2], 16), [bytes.fromhex(w) for w in words[3:]]
         except ValueError:
             raise ProtocolError(f"{' '.join(words[2:])!r} is not hexadecimal") from None
+        if number not in driver.numbers:
+            raise ProtocolError(f"{driver.name} has numbers up to {driver.numbers[-1]:x}")
+        return i, driver, Enquiry(number, *data)
 
-    def _judge(self, driver: DriveDriver, enquiry: Enquiry, *, is_arming: bool) -> None:
+    def _judge(self, i: int, driver: DriveDriver, enquiry: Enquiry, *, is_arming: bool) -> None:
         if len(self._waiting) >= MOST:
             raise ProtocolError("too many enquiries wait for their drives")
         if driver.status.phase is DrivePhase.ABSENT:
@@ -103,6 +106,6 @@ class Enquiries:
             raise ProtocolError("nothing is written while the rig is armed: disarm it first")
         if is_arming:
             raise ProtocolError("nothing is written while the rig is being armed or parked")
-        broken = self._gate.refuses_write(enquiry.number)
+        broken = self._gate.refuses_write(i, enquiry.number)
         if broken:
             raise ProtocolError(f"{driver.name}: {broken}")

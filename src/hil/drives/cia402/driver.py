@@ -14,7 +14,7 @@ from hil.drives.cia402 import codec
 from hil.drives.cia402.configure import Boot, wanted_of
 from hil.drives.cia402.hearing import NOTHING_SAID, Hearing, Said
 from hil.drives.cia402.mapping import KIND_OF, candidates, rpdo
-from hil.drives.cia402.meaning import INTERPOLATE, number_of
+from hil.drives.cia402.meaning import INTERPOLATE, NUMBERS, number_of
 from hil.drives.cia402.profile import Cia402Profile
 from hil.drives.cia402.sdo import SdoClient, Transfer
 from hil.drives.cia402.search import Search
@@ -36,6 +36,8 @@ SWITCH_ON: Final = PowerCommand.SWITCH_ON.value
 
 class Cia402Driver:
     """One drive of a rig. Its phases are told in `hil.drives.phases`."""
+
+    numbers = NUMBERS
 
     def __init__(self, rig: RigFile, i: int, profile: Cia402Profile) -> None:
         actuator, node = rig.actuators[i], rig.address(i)

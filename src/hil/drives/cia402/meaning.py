@@ -38,6 +38,10 @@ _ASKS: Final = {
 _SEGMENT_OR_ABORT: Final = (0x00, 0x60, 0x80)
 
 
+NUMBERS: Final = range(1 << 24)
+"""That an object may have."""
+
+
 def number_of(index: int, sub: int) -> int:
     """One number for an object, as `Meaning.parameter` has it."""
     return index << 8 | sub
@@ -55,7 +59,7 @@ class Cia402Meaning:
         self._layouts = []
         self._kinds = []
         self._units = []
-        writable: set[int] = set()
+        self._writable: list[frozenset[int]] = []
         for i, actuator in enumerate(rig.actuators):
             ids, mode = codec.node_ids(rig.address(i)), candidates(rig, actuator)[0]
             layout = rpdo(mode)
@@ -65,10 +69,13 @@ class Cia402Meaning:
             self._targets[ids.rpdo], self._requests[ids.sdo_request] = i, i
             self.lengths |= {ids.rpdo: layout.length, ids.sdo_request: codec.SDO_LENGTH}
             profile = profiles[actuator.drive.profile]
-            if isinstance(profile, Cia402Profile):
-                writable |= writable_objects(profile)
-        self.writable = frozenset(writable)
+            assert isinstance(profile, Cia402Profile)
+            self._writable.append(writable_objects(profile))
         self._nodes = {rig.address(i): i for i in range(len(rig.actuators))}
+
+    def writable(self, i: int) -> frozenset[int]:
+        """Numbers of the objects that the EDS of drive i lets be written."""
+        return self._writable[i]
 
     def meaning(self, can_id: int, data: bytes) -> Meaning:
         """What a frame asks; its identifier and length are those of `lengths`."""

@@ -248,6 +248,10 @@ def decode_status(layout: Layout, data: bytes) -> Status:
     return Status(power, enpo, bool(flags & 0x01), bool(flags & 0x02), actual)
 
 
+NUMBERS: Final = range(1 << 16)
+"""That a parameter may have: two bytes in a request."""
+
+
 def encode_request(can_id: int, request: Request) -> Frame:
     """Parameter request."""
     return Frame(

@@ -14,6 +14,7 @@ from hil.drives.driver import DrivePhase, DriveStatus, PowerGoal
 from hil.drives.enquiry import Enquiry
 from hil.drives.lust_cdd3000.channel import ParameterChannel
 from hil.drives.lust_cdd3000.codec import (
+    NUMBERS,
     Answer,
     Control,
     Status,
@@ -37,6 +38,8 @@ from hil.signals import Event, Quantity, Sample
 
 class LustDriver:
     """One drive of a rig. Its phases are told in `hil.drives.phases`."""
+
+    numbers = NUMBERS
 
     def __init__(self, rig: RigFile, index: int, profile: LustProfile) -> None:
         actuator = rig.actuators[index]
