@@ -46,6 +46,8 @@ def test_a_good_stream_is_accepted(guard):
         (cue(poses=((0.1, (0.0,) * 3), (0.1, (0.0,) * 3))), "refused:malformed"),
         (cue(poses=((math.nan, (0.0,) * 3),)), "refused:malformed"),
         (cue(t=math.nan), "refused:malformed"),
+        (cue(t=-1e308), "refused:clock"),
+        (cue(t=1.1e11), "refused:clock"),
         (cue(seq=-1), "refused:malformed"),
         (replace(cue(), seq=True), "refused:malformed"),
     ],

@@ -152,6 +152,19 @@ def test_a_bad_cue_is_named_and_the_ride_goes_on(name):
     assert session.core.state in ("engaged", "ready")
 
 
+@pytest.mark.parametrize(("clock_s", "is_ridden"), [(9e10, True), (1e308, False)])
+def test_a_clients_clock_may_jump_from_one_end_to_the_other(clock_s, is_ridden):
+    session = Session()
+    session.arm()
+    for k in range(100):
+        t_s = session.now_s + 0.02
+        pose = (TimedPose(0.0, session.sway(k / 50)),)
+        session.cue(Cue("rider", k, math.copysign(clock_s, k - 50) + t_s, t_s, pose))
+    assert (session.core.state == "engaged") == is_ridden
+    setpoints = [s.setpoint for s in session.of(StateRecord)]
+    assert np.isfinite(setpoints[-1]).all()
+
+
 @settings(max_examples=8, deadline=None)
 @given(
     st.lists(

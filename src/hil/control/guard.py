@@ -11,6 +11,7 @@ refused:client       another client is active
 refused:duplicate    the sequence number was already seen
 refused:order        the sequence number is older than one already seen
 refused:time         the client's time did not advance
+refused:clock        the client's time is further from zero than any clock's
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from hil.signals import Cue, TimedPose
 
 MOST_POSES: Final = 256
 """More poses than this in one cue would cost the control loop its cycle."""
+MOST_CLOCK_S: Final = 1.0e11
+"""Three thousand years from zero; there a double still tells 15 µs apart, and differences stay finite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +120,8 @@ class CueGuard:
                 return "not_finite", f"pose {timed.pose} holds a value that is not finite"
         if not math.isfinite(cue.t_client_s) or not math.isfinite(cue.received_s):
             return "malformed", f"t = {cue.t_client_s} is no time"
+        if abs(cue.t_client_s) > MOST_CLOCK_S:
+            return "clock", f"t = {cue.t_client_s:g} s lies outside ±{MOST_CLOCK_S:g} s"
         return "", ""
 
     def _limit(self, cue: Cue, rules: dict[str, str]) -> Cue:
