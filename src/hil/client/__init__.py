@@ -11,6 +11,6 @@ any Zenoh client in any language can do the same.
 
 from hil.client.feed import Feed
 from hil.client.rig import ENDPOINT, RigClient
-from hil.client.session import zenoh_config
+from hil.client.session import reason, zenoh_config
 
-__all__ = ["ENDPOINT", "Feed", "RigClient", "zenoh_config"]
+__all__ = ["ENDPOINT", "Feed", "RigClient", "reason", "zenoh_config"]

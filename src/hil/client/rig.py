@@ -17,7 +17,7 @@ import zenoh
 
 from hil import messages
 from hil.client.feed import Feed, Feeds
-from hil.client.session import zenoh_config
+from hil.client.session import reason, zenoh_config
 from hil.errors import ProtocolError, RigNotReached
 from hil.messages import CommandReply, CommandRequest, CueMessage, EventMessage, StateMessage
 
@@ -67,8 +67,7 @@ class RigClient:
         except zenoh.ZError as error:
             raise RigNotReached(
                 f"{self.rig}: no daemon at {self._endpoint or self._config}; is `hil run` up, or "
-                f"`hil bicycle record` for a bicycle? "
-                f"({error})"
+                f"`hil bicycle record` for a bicycle? ({reason(error)})"
             ) from error
         try:
             self._declare()

@@ -1,4 +1,4 @@
-"""How hil opens Zenoh: to the endpoints named and to nobody else."""
+"""How hil opens Zenoh: to the endpoints named and to nobody else, and what Zenoh says where it cannot."""
 
 from __future__ import annotations
 
@@ -36,3 +36,8 @@ def zenoh_config(
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def reason(error: zenoh.ZError) -> str:
+    """What Zenoh complains of, without the place in its sources."""
+    return str(error).partition(" at /")[0].removesuffix(".")

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import zenoh
 
-from hil.client import zenoh_config
+from hil.client import reason, zenoh_config
 from hil.config import AnyRig
 from hil.errors import ConfigError, RigInUse
 from hil.messages import LARGEST_PAYLOAD
@@ -186,11 +186,9 @@ def _open(rig: AnyRig) -> Any:
             config = zenoh_config("peer", settings.listen, settings.connect, settings.config)
             return zenoh.open(config)
         except zenoh.ZError as error:
-            text = str(error)
-            if "in use" not in text:
-                raise ConfigError(
-                    f"zenoh: {where} cannot be opened: {text.partition(' at /')[0]}"
-                ) from error
+            why = reason(error)
+            if "in use" not in why:
+                raise ConfigError(f"zenoh: {where} cannot be opened: {why}") from error
             if time.monotonic() > given_up_s:
                 raise RigInUse(
                     f"zenoh.listen: {where} is taken: another daemon, or another program, listens "
