@@ -222,7 +222,10 @@ def test_folder_of_others_is_read(folder: Make) -> None:
         ({"t": [0.0, 0.01, 0.01, 0.03]}, "column t: time stands still at row 3"),
         ({"t": [0.0, np.nan, 0.01, 0.03]}, "column t, row 2: is empty"),
         ({"leg1__force": [1, "two", 3, 4]}, "column leg1.force, row 2: 'two' is not a finite num"),
-        ({"leg1__force": [1, 2, np.inf, 4]}, "column leg1.force, row 3"),
+        (
+            {"leg1__force": [1, 2, np.inf, 4]},
+            "column leg1.force, row 3: inf is not a finite number",
+        ),
         ({"leg1__force": [np.nan] * 4}, "column leg1.force, rows 1 to 4: holds no sample at all"),
         ({"leg1__postion": [1, 2, 3, 4]}, "'leg1.postion' is no signal that hil has; is 'leg1.pos"),
         ({"cue__rol": [1, 2, 3, 4]}, "'cue.rol' is no signal that hil has; is 'cue.roll' meant?"),

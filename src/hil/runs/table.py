@@ -170,9 +170,8 @@ def finite_numbers(column: pd.Series, source: str, name: str) -> np.ndarray:
     wrong = np.flatnonzero((np.isnan(values) & column.notna().to_numpy()) | np.isinf(values))
     if wrong.size:
         row = int(wrong[0])
-        raise RunError(
-            f"{source}: column {name}, row {row + 1}: {column.iloc[row]!r} is not a finite number"
-        )
+        (value,) = column.iloc[[row]].tolist()  # Python's own: NumPy's would say its type
+        raise RunError(f"{source}: column {name}, row {row + 1}: {value!r} is not a finite number")
     return np.asarray(values)
 
 
