@@ -5,7 +5,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from hil.cli.app import app
+from hil.cli.app import app, main
 from hil.configfile import find_rig_file
 from hil.errors import ConfigError
 
@@ -26,6 +26,14 @@ def test_check_answers_no_with_exit_code_one(tmp_path):
     answer = json.loads(result.output)
     assert not answer["ok"]
     assert "mass.m" in answer["faults"][0]
+
+
+def test_a_file_that_there_is_not_is_no_answer(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["hil", "config", "check", "nope.toml"])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    assert "nope.toml: no such rig file" in capsys.readouterr().err
 
 
 AXIS = find_rig_file("axis").read_text()

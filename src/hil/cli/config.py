@@ -23,7 +23,11 @@ app = typer.Typer(help="Rig files: everything about a rig in one TOML file.", no
 
 @app.command()
 def check(rig: RigArgument, json: JsonFlag = False) -> None:
-    """Read a rig file and say what is wrong with it, or that nothing is. Exit code 1 if it is wrong."""
+    """Read a rig file and say what is wrong with it, or that nothing is.
+
+    Exit code 1 if it is wrong, 2 if there is no such file.
+    """
+    path = find_rig_file(rig)
     try:
         loaded = load_rig(rig)
         checked(loaded, rig)
@@ -39,7 +43,7 @@ def check(rig: RigArgument, json: JsonFlag = False) -> None:
         write_json({"ok": True, "name": loaded.name, "kind": loaded.kind})
     else:
         out.print(
-            f"{find_rig_file(rig)}: {loaded.name} is a {loaded.kind} with "
+            f"{path}: {loaded.name} is a {loaded.kind} with "
             f"{len(loaded.actuators)} actuator{'s' if len(loaded.actuators) > 1 else ''}; no fault found"
         )
 
