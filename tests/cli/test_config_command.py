@@ -6,7 +6,9 @@ import pytest
 from typer.testing import CliRunner
 
 from hil.cli.app import app, main
-from hil.configfile import find_rig_file
+from hil.config.bicycle import BICYCLE
+from hil.config.sizes import odd_sizes
+from hil.configfile import data_folder, find_rig_file, load_any_rig, load_rig
 from hil.errors import ConfigError
 
 run = CliRunner().invoke
@@ -34,6 +36,33 @@ def test_a_file_that_there_is_not_is_no_answer(monkeypatch, capsys):
         main()
     assert left.value.code == 2
     assert "nope.toml: no such rig file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "was", "now", "said"),
+    [
+        ("axis", "stroke = [-0.25, 0.25]", "stroke = [-250, 250]",
+         "actuators[0] (axis).stroke: 250 m is beyond 10 m: are these millimetres?"),
+        ("axis", "limits = [0.22] ", "limits = [220]",
+         "limits[0] (position): 220 m is beyond 10 m: are these millimetres?"),
+        ("motorcycle", "limits = [0.26, 0.26, 0.26]", "limits = [0.26, 15, 0.26]",
+         "limits[1] (pitch): 15 rad is beyond 6.28 rad: are these degrees?"),
+    ],
+)  # fmt: skip
+def test_sizes_in_other_units_are_asked_about(name, was, now, said, tmp_path):
+    path = tmp_path / "rig.toml"
+    text = find_rig_file(name).read_text()
+    assert was in text
+    path.write_text(text.replace(was, now))
+    assert f"warning: {path}: {said}" in run(app, ["config", "check", str(path)]).output
+    answer = json.loads(run(app, ["config", "check", str(path), "--json"]).output)
+    assert answer["warnings"] == [f"{path}: {said}"]
+
+
+@pytest.mark.parametrize("path", sorted(data_folder("configs").glob("*.toml")))
+def test_sizes_of_the_rigs_that_come_with_hil_are_usual(path):
+    if load_any_rig(path).kind != BICYCLE:
+        assert odd_sizes(load_rig(path)) == []
 
 
 AXIS = find_rig_file("axis").read_text()

@@ -225,6 +225,13 @@ def test_rig_and_drive_file_that_contradict_each_other_are_a_fault():
     assert trouble(found) == {"rig file": "fault"}
 
 
+def test_a_rig_file_in_millimetres_or_degrees_is_asked_about():
+    limits = RIG.model_copy(update={"limits": (0.26, 15.0, 0.26)})
+    found = check_contradictions(limits, PROFILES)
+    assert trouble(found) == {"rig file": "warn"}
+    assert remedy(found, "rig file") == "correct the rig file: it is in m and rad"
+
+
 def test_a_taken_endpoint_is_a_fault_and_a_free_one_is_not():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

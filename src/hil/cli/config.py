@@ -12,6 +12,7 @@ from hil.bus.schedule import require_schedule_fits
 from hil.cli.console import JsonFlag, RigArgument, complain, out, write_json
 from hil.config import RigFile
 from hil.config.base import Settings
+from hil.config.sizes import odd_sizes
 from hil.configfile import find_rig_file, load_rig
 from hil.drivefiles import load_profiles
 from hil.effectlines import checked
@@ -39,9 +40,13 @@ def check(rig: RigArgument, json: JsonFlag = False) -> None:
         else:
             complain(str(error))
         raise typer.Exit(1) from error
+    warnings = [f"{path}: {sentence}" for sentence in odd_sizes(loaded)]
     if json:
-        write_json({"ok": True, "name": loaded.name, "kind": loaded.kind})
+        answer = {"ok": True, "name": loaded.name, "kind": loaded.kind, "warnings": warnings}
+        write_json(answer)
     else:
+        for text in warnings:
+            out.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
         out.print(
             f"{path}: {loaded.name} is a {loaded.kind} with "
             f"{len(loaded.actuators)} actuator{'s' if len(loaded.actuators) > 1 else ''}; no fault found"

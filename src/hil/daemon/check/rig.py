@@ -6,6 +6,7 @@ from pathlib import Path
 
 from hil.bus.schedule import require_schedule_fits
 from hil.config import RigFile
+from hil.config.sizes import odd_sizes
 from hil.daemon.check.bus import check_bus
 from hil.daemon.check.drives import check_drives
 from hil.daemon.check.finding import Finding, Probe
@@ -38,6 +39,8 @@ def check_contradictions(rig: RigFile, profiles: Profiles) -> list[Finding]:
     try:
         build_drivers(rig, profiles)
         found.append(Finding("ok", "rig file", f"{rig.name}: a {rig.kind}, no fault found"))
+        remedy = "correct the rig file: it is in m and rad"
+        found += [Finding("warn", "rig file", f"{rig.name}: {s}", remedy) for s in odd_sizes(rig)]
     except ConfigError as error:
         found.append(Finding("fault", "rig file", str(error), "correct the rig file"))
     try:
