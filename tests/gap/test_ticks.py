@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from hil.bus.load import RECKONED_BITS
+from hil.configfile import load_rig
 from hil.gap.record.arrivals import find_clocks
 from hil.gap.record.problem import Problem
-from hil.gap.record.ticks import Ticks, acting
+from hil.gap.record.ticks import AtSync, Ticks, acting
 from hil.identify.replay import Stretch
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS
@@ -56,3 +57,54 @@ def test_how_late_a_drives_own_clock_was_started_is_read_from_the_record(frames)
     assert clocks[0, "axis"].late_s == pytest.approx(late_s)
     left = problem.with_clocks(clocks).residual(problem.base)
     np.testing.assert_allclose(left, 0.0, atol=1e-6)
+
+
+FAST = load_rig("axis_canopen")
+
+
+def at_sync_record(ticks=None, seed=3):
+    """A fast axis whose frames are sent with jitter and act at SYNC, at `ticks` of its drive's own clock."""
+    rng = np.random.default_rng(seed)
+    due = np.arange(0.0, 12.0, FAST.bus.cycle)
+    told = 0.1 * np.sin(2.0 * np.pi * 0.6 * due) * np.clip(due, 0.0, 1.0)
+    stamps = dict.fromkeys(("axis.position", "axis.force"), due + FAST.bus.answer_delay)
+    acts = acting(FAST, due, ticks)
+    samples = {}
+    for s, v in Twin(FAST, smooth=True).replay({"axis": (acts, told)}, stamps).items():
+        noise = 4.0 if s.endswith("force") else 1e-6
+        samples[s] = (stamps[s], v + noise * rng.standard_normal(len(v)))
+    sent = due + 5e-5 * rng.standard_normal(len(due))
+    return Problem(FAST, [Stretch("fast", {"axis": (sent, told)}, samples)])
+
+
+def worst_n(problem, clocks):
+    left = problem.with_clocks(clocks).residual(problem.base)
+    part = next(x.part for x in problem.series if x.signal == "axis.force")
+    return float(np.std(left[part]))
+
+
+def test_targets_that_act_at_sync_are_taken_for_regular_however_their_frames_jitter():
+    problem = at_sync_record()
+    clocks = find_clocks(problem)
+    assert clocks == {(0, "axis"): AtSync(FAST.bus.cycle)}
+    assert worst_n(problem, clocks) < 4.2 < 0.7 * worst_n(problem, {})
+
+
+def test_a_drive_that_gets_late_and_is_early_again_has_a_clock_of_its_own():
+    ticks = Ticks(1e-4, 3e-5, 0.0)
+    problem = at_sync_record(ticks)
+    clock = find_clocks(problem)[0, "axis"]
+    assert clock.ticks.rate == pytest.approx(3e-5, abs=2e-6)
+    assert worst_n(problem, {(0, "axis"): clock}) < 4.5
+
+
+def test_targets_that_act_as_they_come_are_left_so():
+    rng = np.random.default_rng(4)
+    sent = np.arange(0.0, 6.0, FAST.bus.cycle)
+    sent += 5e-5 * rng.standard_normal(len(sent))
+    told = 0.1 * np.sin(2.0 * np.pi * 0.6 * sent) * np.clip(sent, 0.0, 1.0)
+    stamps = dict.fromkeys(("axis.position", "axis.force"), sent + 0.0006)
+    answers = Twin(FAST, smooth=True).replay({"axis": (sent, told)}, stamps)
+    samples = {s: (stamps[s], v + rng.standard_normal(len(v))) for s, v in answers.items()}
+    samples["axis.position"] = (stamps["axis.position"], answers["axis.position"])
+    assert find_clocks(Problem(FAST, [Stretch("sent", {"axis": (sent, told)}, samples)])) == {}

@@ -54,3 +54,21 @@ def record(
         noisy = values[name] + spread * rng.standard_normal(len(t))
         columns.append(pd.DataFrame({"t": t, name: step * np.round(noisy / step)}))
     return pd.concat(columns).sort_values("t", kind="stable", ignore_index=True)
+
+
+def jittered(*effects: Effect, share: float = 1.0, seed: int = 3) -> pd.DataFrame:
+    """The same record of an axis whose setpoints come anywhere in a tick of its drive and act at the next;
+    its sensors have `share` of a usual noise."""
+    rng = np.random.default_rng(seed)
+    frame = record(*effects)
+    told = frame.dropna(subset=["axis.setpoint"])
+    sent = told["t"].to_numpy() + rng.uniform(0.0, 9e-4, len(told))
+    noise = {"axis.position": 2e-5, "axis.force": 4.0}
+    stamps = {s: frame.loc[frame[s].notna(), "t"].to_numpy() for s in noise}
+    twin = Twin(AXIS.model_copy(update={"effects": effects}))
+    values = twin.replay({"axis": (sent, told["axis.setpoint"].to_numpy())}, stamps)
+    frame.loc[told.index, "t"] = sent
+    for s, v in values.items():
+        noisy = v + share * noise[s] * rng.standard_normal(len(v))
+        frame.loc[frame[s].notna(), s] = noisy
+    return frame.sort_values("t", kind="stable", ignore_index=True)

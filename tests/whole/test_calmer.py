@@ -19,8 +19,7 @@ from hil.gap.record.problem import Problem
 from hil.gap.record.runs import as_runs
 from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import stretches
-from hil.sim import Twin
-from tests.gap.twin_runs import AXIS, effect, record
+from tests.gap.twin_runs import AXIS, effect, jittered, record
 
 
 def leaf(name, location="axis"):
@@ -92,19 +91,8 @@ def test_laws_of_friction_at_one_place_hold_one_another_and_others_do_not():
 
 
 def test_frames_near_a_tick_act_where_the_drive_took_them():
-    rng = np.random.default_rng(3)
-    frame = record(effect("coulomb_friction", force=5.0))
-    told = frame.dropna(subset=["axis.setpoint"])
-    sent = told["t"].to_numpy() + rng.uniform(0.0, 9e-4, len(told))
-    stamps = {
-        s: frame.loc[frame[s].notna(), "t"].to_numpy() for s in ("axis.position", "axis.force")
-    }
-    values = Twin(AXIS).replay({"axis": (sent, told["axis.setpoint"].to_numpy())}, stamps)
-    frame.loc[told.index, "t"] = sent
-    for s, v in values.items():
-        at = frame[s].notna()
-        frame.loc[at, s] = v + 0.5 * rng.standard_normal(len(v)) * (4.0 if "force" in s else 2e-5)
-    frame = frame.sort_values("t", kind="stable", ignore_index=True)
+    frame = jittered(share=0.5)
+    sent = frame.dropna(subset=["axis.setpoint"])["t"].to_numpy()
     (run,) = as_runs(frame, AXIS)
     (clock,) = find_clocks(Problem(AXIS, stretches(run))).values()
     there, true = (acting(AXIS, sent, k) for k in (clock, Ticks(0.0, 0.0, 0.0)))

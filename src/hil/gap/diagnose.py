@@ -29,6 +29,7 @@ from hil.gap.floor.rounding import coarse_steps
 from hil.gap.judged.calmer import calmed
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.older import as_it_was
+from hil.gap.judged.ticked import clocks_beside
 from hil.gap.judged.verdict import answer, stands
 from hil.gap.located.habits import DRAWS, HABITS, LEADS, Habit, leaves_less, share_of
 from hil.gap.located.locate import locate
@@ -141,7 +142,16 @@ def consider(
     if not healthy:
         located, usual = _as_usual(loaded, located, seed, may_draw=UNTOLD < nats <= CLEAR)
         habits += usual
+
     mine, parts = _considered(located, nuisances, without, seed, say)
+    if mine.is_large and (clocks := clocks_beside(located, mine.calibrated, mine.fits)):
+        say("once more with the drives' ticks where the best fit shows them")
+        anew = locate(
+            loaded, mine.rig, nuisances=nuisances, healthy=found, clocks=clocks, seed=seed
+        )
+        other, _ = _considered(anew, nuisances, without, seed, say, parts)
+        if explains_better(mine.calibrated, mine.fits, other.fits):
+            mine = other
     for habit in HABITS if not healthy else ():
         share = share_of(habit, mine.located)
         if share == 0.0:

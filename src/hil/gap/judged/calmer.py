@@ -34,18 +34,17 @@ def calmed(before: Located, c: Calibrated, fits: Sequence[Fit], seed: int) -> Lo
     """
     e = before.evidence
     ranked, _ = weigh(c, fits)
-    best = ranked[0]
-    gain = best.log_evidence - next(w.log_evidence for w in ranked if not w.fit.leaves)
-    others = any(leaf.effect in (LOST, ROUNDED) for leaf in best.fit.leaves)
-    if e.noise.source != "model" or others or not best.fit.leaves or gain < asked(c).decisive:
+    best = ranked[0].fit
+    gain = ranked[0].log_evidence - next(w.log_evidence for w in ranked if not w.fit.leaves)
+    if e.noise.source != "model" or not in_vector(best) or gain < asked(c).decisive:
         return None
-    left = c.noise.usual(c.problem, best.fit.residual)
+    left = c.noise.usual(c.problem, best.residual)
     floors = c.noise.usual(c.problem, c.noise.draws)
     if not any(left[s] < CALMER * floors[s] for s in left):
         return None
     rng = np.random.default_rng(seed + 3)
-    residual = e.problem.residual(best.fit.vector)
-    noise = find_noise(e.problem, best.fit.vector, rng, residual=residual)
+    residual = e.problem.residual(best.vector)
+    noise = find_noise(e.problem, best.vector, rng, residual=residual)
     spread = np.array([f.prior_sd for f in before.nuisances])
     noise = projected(noise, e.problem, e.jacobian, spread)
     start = Refit(e.vector, e.residual, e.jacobian, before.nuisances)
@@ -53,3 +52,8 @@ def calmed(before: Located, c: Calibrated, fits: Sequence[Fit], seed: int) -> Lo
     quiet = replace(noise, text=text)
     evidence = evidence_of(e.problem, quiet, start, e.motion)
     return located(e.problem.rig, before.runs, evidence, start, before.findings, rng)
+
+
+def in_vector(f: Fit) -> bool:
+    """Whether a fit has effects and all are in the vector: lost frames and steps of signals are in none."""
+    return bool(f.leaves) and not any(leaf.effect in (LOST, ROUNDED) for leaf in f.leaves)

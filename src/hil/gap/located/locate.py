@@ -28,6 +28,7 @@ from hil.gap.record.regions import region_codes
 from hil.gap.record.repeats import find_repeats
 from hil.gap.record.runs import as_runs
 from hil.gap.record.thin import thinned
+from hil.gap.record.ticks import Clocks
 from hil.identify.replay import stretches
 from hil.runs import Run
 
@@ -58,12 +59,14 @@ def locate(
     *,
     nuisances: Sequence[Nuisance] | None = None,
     healthy: Located | None = None,
+    clocks: Clocks | None = None,
     seed: int = 0,
 ) -> Located:
     """Locate the gap between `runs` (Run objects, or frames with column t and one a signal) and `rig`'s twin.
 
     `nuisances` (default: `default_nuisances`) are refitted first. `healthy`: what was located on references,
-    whose noise tells how much of this record's can be noise, and whose own gap is none here.
+    whose noise tells how much of this record's can be noise, and whose own gap is none here. `clocks`: the
+    drives' ticks, where they are known better than the rig file's twin tells them.
     IdentificationError where the data cannot carry an answer names signal and reason.
     """
     loaded = as_runs(runs, rig)
@@ -75,7 +78,7 @@ def locate(
     smooth = Problem(rig, pieces)
     findings += check_answers(smooth)
     refuse(findings)
-    problem = smooth.with_clocks(find_clocks(smooth))
+    problem = smooth.with_clocks(find_clocks(smooth) if clocks is None else clocks)
     chosen = nuisances or default_nuisances(rig, problem.signals, are_forces=problem.are_forces)
     guess = find_noise(problem, problem.base, rng, count=2)
     best = refit(problem, guess, chosen, begun(problem, guess, chosen))

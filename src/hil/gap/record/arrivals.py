@@ -7,11 +7,13 @@ no rig file. But at the right place of the ticks the twin's kicks fall on the dr
 place is looked for in windows along the record, as a straight line in time for each drive. Where no place
 does it (drives without ticks, stamps of another clock) setpoints act half a tick after their arrival, as
 they do on average, and the kicks count as noise.
+
+Drives on a bus with SYNC: `hil.gap.record.synced`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -19,8 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.bus.load import RECKONED_BITS
+from hil.gap.record.fineness import CLEARER, fine_structure, fineness
 from hil.gap.record.problem import Problem
-from hil.gap.record.ticks import Ticks
+from hil.gap.record.synced import at_sync
+from hil.gap.record.ticks import Clocks, Ticks
 from hil.identify.jumps import fewest_jumps
 
 Array = NDArray[np.float64]
@@ -32,8 +36,6 @@ WINDOW_S: Final = 2.0
 FASTEST: Final = 2e-4
 """s/s that a drive's clock may run off the bus's [M: crystals 50 ppm each, resonators more]."""
 RATE_STEP: Final = 2e-6
-CLEARER: Final = 0.06
-"""Log of the fine structure that ticks must take off to be believed."""
 ENOUGH: Final = 12
 DELAYS_S: Final = (0.0, 0.001, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, 0.016)
 TURNS: Final = (
@@ -46,17 +48,23 @@ frame that comes near a tick acts at this one or the next, and only a few hundre
 First their places: late frames look much like late ticks."""
 
 
-def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
-    """The ticks of every drive in every stretch where they can be told; empty where they cannot."""
+def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
+    """The ticks of every drive in every stretch where they can be told; empty where they cannot.
+
+    `vector` (P,): the twin that they are looked for beside, where one is known that explains the record; by
+    default the rig file's, as late as each drive seems.
+    """
     bus = problem.rig.bus
     if bus.retimed:
-        return _started(problem)
+        return _started(problem, problem.base if vector is None else vector)
+    if bus.schedule == "fast":
+        return at_sync(problem, problem.base if vector is None else vector)
     if bus.position_loop <= bus.speed_loop or bus.interpolation == "hold":
         return {}
     tick = bus.position_loop
     pieces = problem.pieces
     names = problem.rig.actuator_names
-    vector = _delayed(problem)
+    vector = _delayed(problem) if vector is None else vector
     flats = [problem.predict(vector)[0]]
     for p in range(PLACES):
         ticks = Ticks(p * tick / PLACES, 0.0, 0.0)
@@ -73,7 +81,7 @@ def find_clocks(problem: Problem) -> dict[tuple[int, str], Ticks]:
     return _refined(problem, found, vector)
 
 
-def _started(problem: Problem) -> dict[tuple[int, str], Ticks]:
+def _started(problem: Problem, vector: Array) -> dict[tuple[int, str], Ticks]:
     """How late each drive's own clock was started: by the wait of the first frame, for those of all drives at
     most and one. Which setpoint is played when jumps with it, so no slope leads there: all are tried."""
     rig = problem.rig
@@ -84,7 +92,7 @@ def _started(problem: Problem) -> dict[tuple[int, str], Ticks]:
     sizes = {key: np.full(len(tried), np.inf) for key in keys}
     for d, late_s in enumerate(tried):
         clocks = {key: Ticks(0.0, 0.0, 0.0, float(late_s)) for key in keys}
-        left = problem.with_clocks(clocks).residual(problem.base)
+        left = problem.with_clocks(clocks).residual(vector)
         for x in problem.series:
             if x.quantity == "force" and (x.stretch, x.actuator) in sizes:
                 kept = problem.kept[x.part]
@@ -109,7 +117,7 @@ def _delayed(problem: Problem) -> Array:
         flat = problem.predict(row)[0]
         sizes.append(
             [
-                sum(_fineness(problem, k, a, flat) for k in range(len(problem.pieces)))
+                sum(fineness(problem, k, a, flat) for k in range(len(problem.pieces)))
                 for a in problem.rig.actuator_names
             ]
         )
@@ -131,7 +139,9 @@ def _refined(
     def steps_of(clocks: Mapping[tuple[int, str], Ticks]) -> dict[tuple[int, str], Array]:
         flat = problem.with_clocks(clocks).predict(vector)[0]
         return {
-            key: np.concatenate([s[0, kept] for _, s, kept in _fine(problem, *key, [flat])])
+            key: np.concatenate(
+                [s[0, kept] for _, s, kept in fine_structure(problem, *key, [flat])]
+            )
             for key in clocks
         }
 
@@ -156,34 +166,11 @@ def _moving(
     return moved
 
 
-def _fineness(problem: Problem, stretch: int, actuator: str, flat: Array) -> float:
-    """Log of the fine structure of an actuator's force in a stretch."""
-    total = 0.0
-    for _, steps, kept in _fine(problem, stretch, actuator, [flat]):
-        s = steps[0, kept]
-        total += float(np.mean(np.log(s + 0.1 * np.median(s) + 1e-12)))
-    return total
-
-
-def _fine(
-    problem: Problem, stretch: int, actuator: str, flats: Sequence[Array]
-) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
-    """Of each signal of force: instants (M,), its fine structure (F, M - 1) beside each prediction, and
-    which of that is judged (M - 1,)."""
-    for x in problem.series:
-        if x.stretch == stretch and x.actuator == actuator and x.quantity in ("force", "current"):
-            t, own = problem.t_s[x.part], [f[x.part] for f in flats]
-            steps = np.array([_steps(t, problem.measured[x.part] - f, f) for f in own])
-            kept = problem.kept[x.part][1:]
-            if kept.any():
-                yield t, steps, kept
-
-
 def _best(
     problem: Problem, stretch: int, actuator: str, flats: Sequence[Array], tick: float
 ) -> Ticks | None:
     sizes, centres = [], []
-    for t, steps, kept in _fine(problem, stretch, actuator, flats):
+    for t, steps, kept in fine_structure(problem, stretch, actuator, flats):
         for start in np.arange(t[0], t[-1], WINDOW_S):
             inside = ((t >= start) & (t < start + WINDOW_S))[1:] & kept
             if inside.sum() >= ENOUGH:
@@ -221,11 +208,3 @@ def _best(
 
 def _cap(steps: Array) -> float:
     return float(6.0 * np.median(steps) + 1e-12)
-
-
-def _steps(t: Array, residual: Array, predicted: Array) -> Array:
-    """Sizes of the residual's first differences, whatever its constant delay: what a shift in time would
-    take away is taken away."""
-    slope = np.diff(np.gradient(predicted, t))
-    step = np.diff(residual)
-    return np.abs(step - slope * (slope @ step) / max(float(slope @ slope), 1e-300))

@@ -1,4 +1,4 @@
-"""Ticks of the drives' own clocks, and setpoints moved to where they act at them."""
+"""Ticks of the drives' own clocks or of the bus, and setpoints moved to where they act at them."""
 
 from __future__ import annotations
 
@@ -28,15 +28,38 @@ class Ticks:
         """Where the ticks lie at instants `t`, s beside whole periods."""
         return np.asarray(self.phase_s + self.rate * (t - self.origin_s))
 
+    def later(self, by_s: float) -> Ticks:
+        """The same ticks, where these lie `by_s` earlier beside whole periods."""
+        return replace(self, phase_s=self.phase_s - self.rate * by_s)
 
-Clocks = Mapping[tuple[int, str], Ticks]
+
+@dataclass(frozen=True, slots=True)
+class AtSync:
+    """A drive that takes each setpoint at the SYNC that comes next, whenever in the cycle its frame came."""
+
+    cycle_s: float
+    ticks: Ticks | None = None
+    """Of its own clock, where it acts at the first of those after SYNC."""
+
+    def regular(self, t: Array) -> Array:
+        """Send instants (K,) without what they jitter by: a straight line through the cycles they fall in."""
+        if len(t) < 2:
+            return t
+        cycles = np.concatenate([[0.0], np.cumsum(np.round(np.diff(t) / self.cycle_s))])
+        slope, start = np.polyfit(cycles, t - t[0], 1)
+        return np.asarray(t[0] + start + slope * cycles)
+
+
+Clocks = Mapping[tuple[int, str], Ticks | AtSync]
 """By stretch and actuator."""
 
 
-def acting(rig: RigFile, t_sent: Array, ticks: Ticks | None) -> Array:
-    """Send instants as the smooth twin must be told them, so that each acts at the drive's own tick."""
+def acting(rig: RigFile, t_sent: Array, ticks: Ticks | AtSync | None) -> Array:
+    """Send instants as the smooth twin must be told them, so that each acts at its drive's tick or SYNC."""
     if ticks is None:
         return t_sent
+    if isinstance(ticks, AtSync):
+        return acting(rig, ticks.regular(t_sent), ticks.ticks)
     if rig.bus.retimed:  # the first frame starts the drive's clock, and all act by that
         return np.asarray(t_sent + ticks.late_s)
     tick, delay = rig.bus.position_loop, rig.bus.setpoint_delay

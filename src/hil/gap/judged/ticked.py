@@ -1,0 +1,51 @@
+"""The drives' ticks once more, where what explains the gap shows them better than the rig file's twin.
+
+Ticks are read from the kicks of force that twin and drive share. Where an effect is at work the twin's kicks
+are not the drive's: ticks are not found, or half a tick off, and then noise looks louder than it is and
+the true effect leaves what another might explain. So they are looked for beside the best fits as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from hil.gap.fits.evidence import ALIKE, distance, weigh
+from hil.gap.fits.fitted import Calibrated, Fit
+from hil.gap.judged.calmer import in_vector
+from hil.gap.located.residual import cost
+from hil.gap.located.result import Located
+from hil.gap.record.arrivals import find_clocks
+from hil.gap.record.ticks import Clocks
+
+MOST: Final = 3
+"""Fits of unlike answers beside which ticks are looked for: beside wrong ones the true effect is not best."""
+LESS: Final = 10.0
+"""Nats by which ticks beside a fit must explain more than those beside the twin without effects."""
+
+
+def clocks_beside(located: Located, c: Calibrated, fits: Sequence[Fit]) -> Clocks | None:
+    """The drives' ticks as that of the best `fits` shows them which then leaves least; None: as they are."""
+    e = located.evidence
+    ranked, _ = weigh(c, fits)
+    likely = sorted((w for w in ranked if in_vector(w.fit)), key=lambda w: -w.log_evidence)
+    best: list[Fit] = []
+    for w in likely:
+        if len(best) < MOST and all(distance(c, w.fit, f) > ALIKE for f in best):
+            best.append(w.fit)
+
+    def left(f: Fit, clocks: Clocks) -> float:
+        residual = e.problem.with_clocks(clocks).residual(f.vector)
+        return cost(e.noise.whiten(e.problem, residual), f.z, e.problem.discount)
+
+    least, found = np.inf, None
+    for f in best:
+        clocks = find_clocks(e.problem.with_clocks({}), f.vector)
+        if set(clocks) >= set(e.problem.clocks) and clocks != e.problem.clocks:
+            size = left(f, clocks)
+            least, found = min((least, found), (size, clocks), key=lambda pair: pair[0])
+    if found is None:
+        return None
+    return found if least < min(left(f, e.problem.clocks) for f in best) - LESS else None

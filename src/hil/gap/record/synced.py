@@ -1,0 +1,127 @@
+"""Drives on a bus with SYNC: they take each target when SYNC comes, however its frame jittered.
+
+Where force has the finer structure of setpoints at regular instants, that is so. Such a drive may still act
+at the next tick of a clock of its own, which runs off that of the bus: it gets later and later by up to a
+tick and is early again. A position shows that in proportion to its speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.record.fineness import CLEARER, fineness
+from hil.gap.record.problem import Problem, Series
+from hil.gap.record.ticks import AtSync, Ticks
+
+Array = NDArray[np.float64]
+
+FASTEST: Final = 1e-4
+"""s/s that a drive's clock may run off the bus's [M: crystals 50 ppm each]."""
+TICKS: Final = 0.25
+"""Log of what a position leaves, root mean square, that ticks must take off to be believed: a constant delay
+is no tick, and what goes with speed in other ways falls out of step with any."""
+ROUNDS: Final = (
+    (1500, FASTEST, 2e-6, 0.5, 1.0 / 32.0),
+    (3000, 2e-6, 2e-7, 1.0 / 16.0, 1.0 / 256.0),
+    (12000, 2e-7, 2e-8, 1.0 / 128.0, 1.0 / 2048.0),
+)  # fmt: skip
+"""Of a search: the most samples of a position looked at; rates either way and their step, s/s; places either
+way and their step, ticks."""
+SLIPS_S: Final = tuple(0.001 * k for k in range(-40, 13, 2))
+"""By which a drive may be early again later than its position says: that follows in some 30 ms."""
+
+
+def at_sync(problem: Problem, vector: Array) -> dict[tuple[int, str], AtSync]:
+    """The drives of each stretch whose force, of all of them together, says that setpoints act at SYNC.
+
+    `vector` (P,): the twin that they are looked at beside.
+    """
+    names = problem.rig.actuator_names
+    synced = AtSync(problem.rig.bus.cycle)
+    keys = [(k, a) for k, p in enumerate(problem.pieces) if p.mode == "position" for a in names]
+    as_sent = problem.predict(vector)[0]
+    regular = problem.with_clocks(dict.fromkeys(keys, synced)).predict(vector)[0]
+    off = dict.fromkeys(range(len(problem.pieces)), 0.0)
+    for k, a in keys:
+        off[k] += fineness(problem, k, a, as_sent) - fineness(problem, k, a, regular)
+    found = {(k, a): synced for k, a in keys if off[k] > CLEARER * len(names)}
+    for x in problem.series:
+        if x.quantity == "position" and (key := (x.stretch, x.actuator)) in found:
+            found[key] = AtSync(synced.cycle_s, _ticks(problem, x, regular[x.part]))
+    return _slid(problem, found, vector) if any(s.ticks for s in found.values()) else found
+
+
+def _slid(
+    problem: Problem, found: dict[tuple[int, str], AtSync], vector: Array
+) -> dict[tuple[int, str], AtSync]:
+    """The same drives, each early again when its force is kicked: positions tell that late."""
+
+    def moved(by_s: float) -> dict[tuple[int, str], AtSync]:
+        return {
+            key: s if s.ticks is None else replace(s, ticks=s.ticks.later(by_s))
+            for key, s in found.items()
+        }
+
+    tried = [moved(by_s) for by_s in SLIPS_S]
+    lefts = [problem.with_clocks(clocks).residual(vector) for clocks in tried]
+    kicks = {key: np.zeros(len(tried)) for key in found}
+    for x in problem.series:
+        if x.quantity in ("force", "current") and (key := (x.stretch, x.actuator)) in kicks:
+            kept = problem.kept[x.part]
+            kicks[key] += [float(np.sum(left[x.part][kept] ** 2)) for left in lefts]
+    return {key: tried[int(np.argmin(size))][key] for key, size in kicks.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Late:
+    """What a position leaves (N,) beside a twin of `speed` (N,), by setpoints that come at `t` (N,)."""
+
+    t: Array
+    origin_s: float
+    left: Array
+    speed: Array
+    tick_s: float
+
+    def size(self, rates: Array, places: Array) -> Array:
+        """(R, P) mean square that is left beside such rates (R,) and places of ticks (P,), in ticks."""
+        run_off = rates[:, None, None] * (self.t - self.origin_s) / self.tick_s
+        late = np.mod(places[None, :, None] + run_off - self.t / self.tick_s, 1.0) - 0.5
+        return self._rest(self.left + self.tick_s * self.speed * late)
+
+    @property
+    def plain(self) -> float:
+        """Mean square that is left beside a drive without ticks."""
+        return float(self._rest(self.left))
+
+    def _rest(self, left: Array) -> Array:
+        """Mean squares (...,) of what is `left` (..., N) beside the constant delay that leaves least."""
+        share = left @ self.speed / max(float(self.speed @ self.speed), 1e-300)
+        return np.asarray(np.mean((left - share[..., None] * self.speed) ** 2, axis=-1))
+
+
+def _ticks(problem: Problem, x: Series, predicted: Array) -> Ticks | None:
+    """The ticks of a drive's own clock that its position shows; None where it shows none."""
+    rows = np.flatnonzero(problem.kept[x.part])
+    bus, t = problem.rig.bus, problem.t_s[x.part]
+    speed = np.gradient(predicted, t)
+    if not speed[rows].any():
+        return None
+    sent = AtSync(bus.cycle).regular(problem.sent[x.stretch].setpoints[x.actuator][0])
+    there = sent + bus.setpoint_delay
+    acted = there[np.maximum(np.searchsorted(there, t - bus.answer_delay) - 1, 0)]
+    left = problem.measured[x.part] - predicted
+    rate, place, gain = 0.0, 0.5, 0.0
+    for most, wide, step, far, fine in ROUNDS:
+        some = rows[:: len(rows) // most + 1]
+        late = _Late(acted[some], there[0], left[some], speed[some], bus.position_loop)
+        rates = rate + np.arange(-wide, wide + 0.5 * step, step)
+        places = place + np.arange(-far, far, fine)
+        size = late.size(rates, places)
+        i, j = np.unravel_index(int(np.argmin(size)), size.shape)
+        rate, place = float(rates[i]), float(places[j])
+        gain = 0.5 * float(np.log(late.plain / max(size[i, j], 1e-300)))
+    return Ticks(place * bus.position_loop, rate, float(there[0])) if gain > TICKS else None
