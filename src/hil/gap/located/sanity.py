@@ -44,6 +44,8 @@ FACTORS: Final = (
 )
 """With the logarithm by which a gap of its own may put a signal off besides: the farther a factor is from any
 that a rig may have, the more."""
+EARLY_S: Final = 0.005
+"""From which on a position ahead of its setpoint is none that a drive has followed [R]."""
 LATE_S: Final = 0.005
 LIKE_LATE: Final = 0.7
 """Share of a residual that must be lateness before it is called so: friction comes late a little too."""
@@ -251,6 +253,10 @@ def check_answers(problem: Problem) -> list[Finding]:
         if found is not None:
             out.append(found)
             continue
+        ahead = _ahead_of_setpoint(problem, x, t, m)
+        if ahead is not None:
+            out.append(ahead)
+            continue
         late, drift, sd, share = _lateness(t, m, p)
         if np.corrcoef(m, p)[0, 1] > ALIKE:
             group = "imu" if x.actuator == "imu" else "drives"
@@ -261,6 +267,23 @@ def check_answers(problem: Problem) -> list[Finding]:
                 out.append(Finding("warning", x.signal, text))
     out += [f for group, values in drifts.items() for f in _drift(group, values)]
     return out
+
+
+def _ahead_of_setpoint(problem: Problem, x: Series, t: Array, m: Array) -> Finding | None:
+    """A position ahead of its own setpoint all the time: one whose clock drifts is so at one end only."""
+    sent = problem.sent[x.stretch]
+    if x.quantity != "position" or sent.mode != "position":
+        return None
+    told = np.interp(t, *sent.setpoints[x.actuator])
+    late, drift, _, share = _lateness(t, m, told)
+    least = -(late + 0.5 * abs(drift) * (t[-1] - t[0]))
+    if least < EARLY_S or share < LIKE_LATE or np.corrcoef(m, told)[0, 1] < ALIKE:
+        return None
+    return Finding(
+        "error", x.signal,
+        f"comes {-1e3 * late:.1f} ms before its own setpoint: are the columns exchanged, or their clocks "
+        "not the same?",
+    )  # fmt: skip
 
 
 def _factor(problem: Problem, x: Series, m: Array, p: Array) -> Finding | None:
