@@ -247,7 +247,7 @@ def _weighed(
             answer(located, c, every, bank, held, parts.text, seed, is_large), measured
         )
         if is_usual(told):
-            sentence = "No gap but tyres, fork and frame that give way as hard and stiff ones do."
+            sentence = "No gap but what any healthy bicycle and its sensors have."
             usual = replace(no_gap(located, parts.text), sentence=sentence)
             return replace(usual, not_excited=told.not_excited)
         if told.verdict != "unknown" or is_large or not told.causes:

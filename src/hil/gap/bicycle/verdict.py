@@ -15,7 +15,7 @@ from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Score, score
 from hil.gap.floor.noise import NoiseModel
 from hil.gap.judged.clear import asked, other_than_steps
-from hil.gap.judged.diagnosis import Diagnosis
+from hil.gap.judged.diagnosis import Cause, Diagnosis
 from hil.gap.judged.doubt import BORNE_OUT, STANDS, chance, least_explained
 from hil.gap.judged.verdict import judge
 from hil.gap.located.result import SignalGap
@@ -26,6 +26,10 @@ SPRUNG_EXPLAINED: Final = 0.5
 """The same of a fork or tyres alone: a road shakes a bicycle on springs more than a stiff one, where they
 swing, and no ride tells that [set on rides of another world, none of whose outside effects is one]."""
 SPRUNG: Final = frozenset({"front_suspension", "tyre_compliance"})
+MAKERS: Final = 0.01
+"""Off 1, within which a sensor's scale is no finding: makers tell it to a hundredth [R]."""
+LATE_S: Final = 0.005
+"""Up to which a sensor's delay is no finding: half of a sample at 100 Hz, and what filters differ by [R]."""
 FIRM: Final = {"front_suspension": 5e4, "tyre_compliance": 1.1e5}
 """N/m of a fork and of tyres, above which they give way as stiff forks, frames and hard tyres of any bicycle
 do [R: tyres at 4 bar and more have 130 kN/m and more, and two of them pitch a bicycle as a fork of half their
@@ -123,10 +127,18 @@ def unsaid(found: Diagnosis) -> Diagnosis:
 
 
 def is_usual(found: Diagnosis) -> bool:
-    """Whether all that was found is that a bicycle gives way as hard tyres and stiff frames do."""
-    return bool(found.effects) and all(
-        x.effect in FIRM and x.parameters["stiffness"].value > FIRM[x.effect] for x in found.effects
-    )
+    """Whether all that was found is that a bicycle gives way as hard tyres and stiff frames do, or that a
+    sensor is off by what its maker allows."""
+    return bool(found.effects) and all(map(_is_trifle, found.effects))
+
+
+def _is_trifle(x: Cause) -> bool:
+    """Whether an effect is no more than any healthy bicycle or sensor has of it."""
+    if x.effect in FIRM:
+        return x.parameters["stiffness"].value > FIRM[x.effect]
+    if x.effect == "sensor_scale" and x.location != "rear_wheel":  # an encoder counts exactly
+        return abs(x.parameters["scale"].value - 1.0) < MAKERS
+    return x.effect == "sensor_latency" and abs(x.parameters["delay"].value) < LATE_S
 
 
 def by_energy(found: Diagnosis, measured: NoiseModel) -> Diagnosis:
