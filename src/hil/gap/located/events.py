@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import lombscargle
 
+from hil.gap.catalogue.nuisances import WOBBLE_M
 from hil.gap.floor.noise import time_sensitivity
 from hil.gap.located.result import Located
 from hil.gap.record.problem import Problem
@@ -126,7 +127,9 @@ def held_off(problem: Problem, residual: Array, sigma: Array) -> dict[str, float
     if not problem.actuators:
         return out
     for x in problem.series:
-        off, kept = residual[x.part] / sigma[x.part], problem.kept[x.part]
+        # what any screw wobbles by holds nothing off, however fine its encoder
+        least_m = WOBBLE_M / HELD["position"][1] if x.quantity == "position" else 0.0
+        off, kept = residual[x.part] / np.maximum(sigma[x.part], least_m), problem.kept[x.part]
         begun = int(np.argmax(kept)) if kept.any() else 0
         every_s = float(np.median(np.diff(problem.t_s[x.part])))
         least = 1 + math.ceil(NEARLY * problem.rig.bus.cycle / every_s)
