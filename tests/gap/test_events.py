@@ -7,8 +7,11 @@ import pandas as pd
 import pytest
 
 from hil.gap import diagnose
-from hil.gap.located.events import jumps
+from hil.gap.located.events import held_off, jumps
 from hil.gap.located.locate import locate
+from hil.gap.record.problem import Problem
+from hil.gap.record.runs import as_runs
+from hil.identify.replay import stretches
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
 
@@ -102,3 +105,14 @@ def test_a_push_that_comes_by_the_clock_is_a_gap():
     found = diagnose(rig, AXIS)
     assert found.verdict == "unknown"
     assert "axis.force" in found.sentence
+
+
+@pytest.mark.parametrize(("off_m", "is_event"), [(4e-6, False), (4e-5, True)])
+def test_what_any_screw_wobbles_by_holds_no_position_off_however_fine_its_encoder(off_m, is_event):
+    (run,) = as_runs(record(duration_s=4.0), AXIS)
+    problem = Problem(AXIS, stretches(run))
+    part = next(x.part for x in problem.series if x.signal == "axis.position")
+    left = np.zeros(problem.size)
+    left[np.flatnonzero(problem.kept[part])[20:40] + part.start] = off_m
+    fine = np.full(problem.size, 1e-7)
+    assert (held_off(problem, left, fine)["axis.position"] > 1.0) is is_event

@@ -28,9 +28,8 @@ class Log:
 
     def __init__(self, rig: str, fd: int = 2) -> None:
         self._rig = rig
-        self._fd = (
-            fd  # not sys.stderr: a thread that is stuck in its buffer aborts the interpreter's exit
-        )
+        # not sys.stderr: a thread that is stuck in its buffer aborts the interpreter's exit
+        self._fd = fd
         self._render = LogfmtRenderer()
         self._lines: SimpleQueue[str | None] = SimpleQueue()
         self._thread = Thread(target=self._work, name="log", daemon=True)

@@ -142,7 +142,6 @@ def consider(
     if not healthy:
         located, usual = _as_usual(loaded, located, seed, may_draw=UNTOLD < nats <= CLEAR)
         habits += usual
-
     mine, parts = _considered(located, nuisances, without, seed, say)
     if mine.is_large and (clocks := clocks_beside(located, mine.calibrated, mine.fits)):
         say("once more with the drives' ticks where the best fit shows them")

@@ -128,8 +128,8 @@ def held_off(problem: Problem, residual: Array, sigma: Array) -> dict[str, float
         return out
     for x in problem.series:
         # what any screw wobbles by holds nothing off, however fine its encoder
-        least_m = WOBBLE_M / HELD["position"][1] if x.quantity == "position" else 0.0
-        off, kept = residual[x.part] / np.maximum(sigma[x.part], least_m), problem.kept[x.part]
+        spread = WOBBLE_M / HELD["position"][1] if x.quantity == "position" else 0.0
+        off, kept = residual[x.part] / np.maximum(sigma[x.part], spread), problem.kept[x.part]
         begun = int(np.argmax(kept)) if kept.any() else 0
         every_s = float(np.median(np.diff(problem.t_s[x.part])))
         least = 1 + math.ceil(NEARLY * problem.rig.bus.cycle / every_s)

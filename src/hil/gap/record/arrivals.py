@@ -54,11 +54,11 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
     `vector` (P,): the twin that they are looked for beside, where one is known that explains the record; by
     default the rig file's, as late as each drive seems.
     """
-    bus = problem.rig.bus
+    bus, beside = problem.rig.bus, problem.base if vector is None else vector
     if bus.retimed:
-        return _started(problem, problem.base if vector is None else vector)
+        return _started(problem, beside)
     if bus.schedule == "fast":
-        return at_sync(problem, problem.base if vector is None else vector)
+        return at_sync(problem, beside)
     if bus.position_loop <= bus.speed_loop or bus.interpolation == "hold":
         return {}
     tick = bus.position_loop
