@@ -17,6 +17,7 @@ from hil.gap.bicycle.locate import locate_rides
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import diagnose
 from hil.gap.judged.diagnosis import Diagnosis
+from hil.gap.judged.untried import beside_untried
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
 from hil.gap.record.runs import SomeRuns, as_rig, as_runs
@@ -60,8 +61,9 @@ def diagnose_any(
     """Diagnose the gap between `runs` and the twin of `rig`; both as `locate_any` takes them.
 
     `references`: healthy runs of the same rig, on which the nuisances are calibrated first, so that the
-    answer is what has changed since. `without`: names of effects that must not be considered. `report` is
-    told each step. Equal `seed`, equal answer. IdentificationError where the data cannot carry an answer.
+    answer is what has changed since. `without`: names of effects that must not be considered; what is found
+    without them is claimed with less, for it may be one of them. `report` is told each step. Equal `seed`,
+    equal answer. IdentificationError where the data cannot carry an answer.
     """
     settings = as_rig(rig)
     loaded = _given(runs, settings)
@@ -69,10 +71,14 @@ def diagnose_any(
     _check_seed(seed)
     _check_effects(without, settings)
     if isinstance(settings, BicycleFile):
-        return diagnose_rides(
+        found = diagnose_rides(
             loaded, settings, references=healthy, without=without, seed=seed, report=report
         )
-    return diagnose(loaded, settings, references=healthy, without=without, seed=seed, report=report)
+    else:
+        found = diagnose(
+            loaded, settings, references=healthy, without=without, seed=seed, report=report
+        )
+    return beside_untried(found, without)
 
 
 def _given(runs: SomeRuns, rig: AnyRig) -> list[Run]:
