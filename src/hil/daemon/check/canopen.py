@@ -58,7 +58,8 @@ def ask(
                 break
             port.send(request)
             for frame in heard(port, wait_s, ids.sdo_answer):
-                if frame.can_id == ids.sdo_answer and not transfer.is_done:
+                is_answer = frame.can_id == ids.sdo_answer and transfer.fits(frame.data)
+                if is_answer and not transfer.is_done:
                     transfer.take(frame.data)
             if not transfer.is_done or transfer.error is not None:
                 break

@@ -68,7 +68,7 @@ class OverBus:
         who = f"{self._name} (node {self._address})"
 
         def take(frame: Frame) -> bool:
-            if frame.can_id != ids.sdo_answer:
+            if frame.can_id != ids.sdo_answer or not transfer.fits(frame.data):
                 return False
             abort = transfer.take(frame.data)
             if abort is not None:

@@ -138,7 +138,7 @@ def _read(
         frames += _heard(port, PACE_S)
     for frame in [*frames, *_heard(port, ANSWER_S)]:
         waiting = transfers.get(frame.can_id - codec.SDO_ANSWER_BASE)
-        if waiting is not None and not waiting.is_done:
+        if waiting is not None and not waiting.is_done and waiting.fits(frame.data):
             waiting.take(frame.data)
     return {
         node: int.from_bytes(t.result, "little")

@@ -41,6 +41,7 @@ class Transfer:
         self._rest: bytes | None = None  # what a segmented write has still to send
         self._parts: bytearray | None = None  # what a segmented read has got
         self._announced: int | None = None
+        self._object = _INITIATE.pack(0, index, sub)[1:]
         self._request = self._first()
 
     def __str__(self) -> str:
@@ -51,31 +52,43 @@ class Transfer:
         """The data of the request to send, or to send again."""
         return self._request
 
+    def fits(self, answer: bytes) -> bool:
+        """Whether an answer can be one to the present request.
+
+        What does not fit is late or doubled and belongs to a request before: a node answers each one that was
+        repeated, and CAN may deliver a frame twice. Not so a frame that is no SDO at all: `take` refuses it.
+        """
+        if len(answer) != SDO_LENGTH:
+            return True
+        if answer[0] == _ABORT:  # of no object where the node did not understand which
+            return answer[1:4] in (self._object, bytes(3))
+        if self._parts is not None or self._rest is not None:
+            return answer[0] & 0xE0 == (0x00 if self.data is None else 0x20)
+        command = 0x40 if self.data is None else 0x60
+        return answer[0] & 0xE0 == command and answer[1:4] == self._object
+
     def take(self, answer: bytes) -> bytes | None:
-        """An answer came. Returns the abort to send where it is wrong; None otherwise."""
+        """An answer that fits came. Returns the abort to send where it is wrong; None otherwise."""
         if len(answer) != SDO_LENGTH:
             return self._refuse("data_length", f"its answer has {len(answer)} bytes")
-        command = answer[0] & 0xE0
         if answer[0] == _ABORT:
             self._fail(SdoAbort(int.from_bytes(answer[4:], "little"), str(self)))
             return None
         if self._parts is not None:
             return self._take_segment(answer)
-        if self._rest is not None and command == 0x20:
+        if self._rest is not None:
             return self._take_acknowledged(answer[0])
-        _, index, sub = _INITIATE.unpack(answer[:4])
-        if (index, sub) != (self.index, self.sub):
-            return self._refuse("general", f"it answers for {index:#06x}:{sub:02x}")
-        if self.data is None and command == 0x40:
-            return self._take_upload(answer)
-        if self.data is not None and command == 0x60:
-            return self._take_download()
-        return self._refuse("unknown_command", f"it answers with command {answer[0]:#04x}")
+        return self._take_upload(answer) if self.data is None else self._take_download()
 
     def timed_out(self, waited_s: float) -> bytes:
         """No answer: the transfer has failed; returns the abort to send."""
         self._fail(SdoTimeout(f"{self}: no answer within {waited_s:g} s"))
         return encode_abort(self.index, self.sub, CODES["timeout"])
+
+    def give_up(self, why: str) -> bytes:
+        """Nobody waits for it any more; returns the abort to send."""
+        self._fail(DriveError(f"{self}: {why}"))
+        return encode_abort(self.index, self.sub, CODES["general"])
 
     def _first(self) -> bytes:
         if self.data is None:
@@ -101,8 +114,6 @@ class Transfer:
 
     def _take_segment(self, answer: bytes) -> bytes | None:
         assert self._parts is not None
-        if answer[0] & 0xE0:
-            return self._refuse("unknown_command", f"its segment has command {answer[0]:#04x}")
         if answer[0] & _TOGGLE != self._toggle:
             return self._refuse("toggle_bit", "its segment came twice or was left out")
         self._parts += answer[1 : 8 - (answer[0] >> 1 & 0x07)]
@@ -123,8 +134,6 @@ class Transfer:
         if 1 <= len(self.data) <= 4:
             self._finish(b"")
             return None
-        if self._rest is not None:
-            return self._refuse("unknown_command", "it answers as if the write began again")
         self._rest = self.data
         self._request = self._segment()
         return None
@@ -163,7 +172,8 @@ class SdoClient:
     """The one SDO channel to a node: transfers wait in line, one is under way, unanswered ones are repeated.
 
     A write that starts again is written again: objects are set, never counted up, so that does no harm. A
-    repeated segment that had arrived is told by its toggle bit, and the transfer fails.
+    repeated segment that had arrived is told by its toggle bit, and the transfer fails. Answers to requests
+    before the present one are counted and left alone.
     """
 
     def __init__(self, timeout_s: float, tries: int) -> None:
@@ -191,10 +201,18 @@ class SdoClient:
         self._line.append(transfer)
         return transfer
 
+    def withdraw(self, transfer: Transfer) -> None:
+        """Nobody waits for a transfer any more: it leaves the line, or is aborted where it is under way."""
+        if transfer is self._now:
+            self._abort = transfer.give_up("withdrawn")
+            self._now = None
+        elif transfer in self._line:
+            self._line.remove(transfer)
+
     def reset(self) -> None:
         """The node has restarted: what was under way or in line fails."""
         for transfer in (*filter(None, (self._now,)), *self._line):
-            transfer.timed_out(self._timeout_s)
+            transfer.give_up("the node has begun anew")
         self._line.clear()
         self._now = self._sent = self._abort = None
 
@@ -224,7 +242,7 @@ class SdoClient:
 
     def on_answer(self, data: bytes) -> None:
         """An SDO answer of the node was received."""
-        if self._now is None or self._sent is None:
+        if self._now is None or self._sent is None or not self._now.fits(data):
             self.unasked += 1
             return
         self.answered += 1
