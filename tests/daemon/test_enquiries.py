@@ -12,6 +12,7 @@ from hil.drivefiles import load_profile
 from hil.drives import build_drivers
 from hil.drives.cia402 import codec
 from hil.drives.cia402.sdo import Transfer
+from hil.drives.lust_cdd3000.codec import AnswerStatus
 from hil.frames import Frame
 from hil.safety import Rule
 from tests.daemon.simulated_rig import Session, rig_file
@@ -148,6 +149,54 @@ def test_a_drive_that_is_gone_answers_nothing_and_that_is_said(parked: Session):
     (reply,) = [r for r in parked.of(ReplyRecord) if r.command_id == 77]
     assert not reply.ok
     assert "axis" in reply.text
+
+
+def test_a_write_that_was_given_up_is_not_done_later_all_the_same(parked: Session):
+    """It waits behind a long object; told that it failed, a person arms: nothing may be written then."""
+    drive = parked.simulated.drives[0]
+    before = drive.objects.value(0x6085)
+    drive.objects._values[0x1008, 0] = bytes(60_000)
+    parked.core.command(parked.now_s, CommandRecord(77, "object", "axis read 100800"))
+    parked.core.command(
+        parked.now_s, CommandRecord(78, "object", f"axis write {STOPPING} 10270000")
+    )
+    parked.run_until(parked.now_s + 3.2)
+    replies = {r.command_id: r for r in parked.of(ReplyRecord)}
+    assert [replies[k].ok for k in (77, 78)] == [False, False]
+    assert "withdrawn" in replies[78].text
+    parked.engaged(12.0)
+    assert drive.objects.value(0x6085) == before
+    assert not parked.core._link.gate.refused
+    assert parked.command("object", "axis read 101801").ok, "the channel is free again"
+
+
+@pytest.mark.parametrize("answer", [None, (AnswerStatus.REPEAT_ACTION, 0)])
+def test_a_parameter_that_is_never_answered_takes_no_slot_from_the_ride(answer: object):
+    """A person's question is no reason to lose a drive's position, or to call it faulty, in mid-ride."""
+    session = Session(rig_file("axis"), PROFILES).engaged(0.5)
+    served = session.simulated.drives[0].parameters
+    given = served.answer
+    served.answer = lambda number, *a, **k: answer if number == 0xFFF else given(number, *a, **k)
+    session.core.command(session.now_s, CommandRecord(77, "object", "axis read fff"))
+    session.ride(4.0)
+    assert session.core.state == "engaged"
+    (reply,) = [r for r in session.of(ReplyRecord) if r.command_id == 77]
+    assert "withdrawn" in reply.text
+    gain = PROFILES["lust_cdd3000"].parameters.gains.position.number
+    assert session.command("object", f"axis read {gain:x}").ok
+
+
+def test_many_questions_leave_each_turn_of_measurements_its_slots():
+    session = Session(rig_file("axis"), PROFILES).engaged(0.5)
+    gain = PROFILES["lust_cdd3000"].parameters.gains.position.number
+    began = len(session.of(ReplyRecord))
+    for k in range(60):
+        for j in range(8):
+            asked = CommandRecord(100 + 8 * k + j, "object", f"axis read {gain:x}")
+            session.core.command(session.now_s, asked)
+        session.ride(0.06)
+    assert session.core.state == "engaged"
+    assert sum(r.ok for r in session.of(ReplyRecord)[began:]) > 30
 
 
 @pytest.mark.parametrize(

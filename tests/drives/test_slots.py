@@ -13,6 +13,7 @@ from hil.drives.slots import SlotScheduler
 @dataclass(frozen=True)
 class Ask:
     number: int
+    insists: bool = True
 
 
 POSITION, FORCE, SETTING = Ask(1), Ask(2), Ask(9)
@@ -57,6 +58,17 @@ def test_what_was_not_answered_is_asked_again_and_counted() -> None:
     assert s.timeouts == 1
     s.answered(1, repeat=False)
     assert s.ask(0.02, None) is FORCE
+
+
+def test_a_question_that_does_not_insist_is_asked_once_and_the_pattern_goes_on() -> None:
+    s, once = scheduler(), Ask(7, insists=False)
+    assert s.ask(0.00, once) is once
+    assert s.ask(0.01, None) is POSITION
+    s.answered(1, repeat=False)
+    assert s.ask(0.02, once) is once
+    assert s.answered(7, repeat=True) is once
+    assert s.ask(0.03, None) is FORCE
+    assert (s.timeouts, s.repeats, s.repeats_in_row, s.turns) == (1, 1, 0, 1)
 
 
 def test_only_one_question_is_in_flight() -> None:

@@ -7,7 +7,11 @@ from __future__ import annotations
 
 
 class Enquiry:
-    """Object `number` (as `Meaning.parameter`); `data` None reads. Once `is_done`: `result` or `error`."""
+    """Object `number` (as `Meaning.parameter`); `data` None reads. Once `is_done`: `result` or `error`.
+
+    Whoever asks may give up by `failed`: a driver then withdraws it, and a write that has not gone out yet
+    never does.
+    """
 
     def __init__(self, number: int, data: bytes | None = None) -> None:
         self.number, self.data = number, data

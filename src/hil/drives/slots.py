@@ -2,8 +2,8 @@
 
 Configuration and measurement share the channel: a slot carries the configuration's question while there is
 one, else the next of the declared pattern. What the drive wants repeated, and what it left unanswered, is
-asked again before anything else ("Parameters Identification for Motorcycle Simulator's Platform
-Characterization", section 6.1: a request and its answer fill one 10 ms slot).
+asked again before anything else, if it insists ("Parameters Identification for Motorcycle Simulator's
+Platform Characterization", section 6.1: a request and its answer fill one 10 ms slot).
 """
 
 from __future__ import annotations
@@ -17,6 +17,10 @@ class Question(Protocol):
     @property
     def number(self) -> int:
         """Number of the parameter asked for."""
+
+    @property
+    def insists(self) -> bool:
+        """It is asked again at once where it was not answered, or is to be repeated."""
 
 
 Q = TypeVar("Q", bound=Question)
@@ -32,6 +36,8 @@ class SlotScheduler(Generic[Q]):
         self._in_flight: Q | None = None
         self._again: Q | None = None
         self._asked_s = 0.0
+        self.turns = 0
+        """Turns of the pattern that were asked in full."""
         self.slots = 0
         self.pairs = 0
         self.repeats = 0
@@ -56,21 +62,22 @@ class SlotScheduler(Generic[Q]):
             if now_s - self._asked_s < self._answer_wait_s:
                 return None
             self.timeouts += 1
-            question = self._in_flight
-        elif self._again is not None:
+            self._again = self._in_flight if self._in_flight.insists else None
+        if self._again is not None:
             question = self._again
         elif first is not None:
             question = first
         else:
             question = self._pattern[self._turn]
             self._turn = (self._turn + 1) % len(self._pattern)
+            self.turns += self._turn == 0
         self._in_flight, self._again, self._asked_s = question, None, now_s
         return question
 
     def answered(self, number: int, *, repeat: bool) -> Q | None:
         """The question that an answer belongs to; None, counted, where nothing such was asked.
 
-        With `repeat` the same question goes out again in the next slot.
+        With `repeat` the same question goes out again in the next slot, if it insists.
         """
         question = self._in_flight
         if question is None or question.number != number:
@@ -78,10 +85,11 @@ class SlotScheduler(Generic[Q]):
             return None
         self._in_flight = None
         self.pairs += 1
-        if repeat:
-            self._again = question
-            self.repeats += 1
-            self.repeats_in_row += 1
-        else:
+        if not repeat:
             self.repeats_in_row = 0
+            return question
+        self.repeats += 1
+        if question.insists:
+            self._again = question
+            self.repeats_in_row += 1
         return question

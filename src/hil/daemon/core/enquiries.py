@@ -63,7 +63,7 @@ class Enquiries:
         replies, left = [], []
         for w in self._waiting:
             if not w.enquiry.is_done and now_s > w.until_s:
-                w.enquiry.failed(f"does not answer within {TIMEOUT_S:g} s")
+                w.enquiry.failed(f"not done within {TIMEOUT_S:g} s, and withdrawn")
             if not w.enquiry.is_done:
                 left.append(w)
             elif w.enquiry.error is not None:

@@ -184,8 +184,6 @@ class Cia402Driver:
             if not was_absent:
                 self._found_anew()
             return self._look_for(now_s)
-        if machine.muted:
-            return []
         frames = self._values_out(now_s, setpoint)
         frames += self._one_more(now_s)
         return frames
@@ -198,17 +196,15 @@ class Cia402Driver:
             self._machine.fault(now_s, *trouble)
 
     def _settle(self) -> None:
+        """Hand on what transfers brought; one whose enquirer has given up is not done later all the same."""
         for enquiry, transfer in self._enquiries:
-            if transfer.error is not None:
+            if enquiry.is_done:
+                self.sdo.withdraw(transfer)
+            elif transfer.error is not None:
                 enquiry.failed(str(transfer.error))
             elif transfer.is_done:
                 enquiry.answered(transfer.result)
-        self._enquiries = [e for e in self._enquiries if not e[1].is_done]
-
-    def refuse(self, now_s: float, name: str, text: str) -> None:
-        """Latch a fault of the bus as a whole, and say nothing to the drive until it is reset."""
-        self._machine.muted = True
-        self._machine.fault(now_s, name, text)
+        self._enquiries = [e for e in self._enquiries if not e[0].is_done]
 
     def _look_for(self, now_s: float) -> list[Frame]:
         """Ask who is there, once we have listened; a drive that says anything is found."""

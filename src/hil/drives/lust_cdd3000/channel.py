@@ -1,6 +1,7 @@
 """The parameter channel of one drive: its configuration and its measurements, a question a slot.
 
-An answer to a question not asked is counted and never followed.
+An answer to a question not asked is counted and never followed. What a person asks besides has at most one
+slot between two turns of the measurements, answered or not: no question makes a drive lose its position.
 """
 
 from __future__ import annotations
@@ -33,6 +34,11 @@ class _Question:
     def number(self) -> int:
         """Number of the parameter asked for."""
         return self.request.number
+
+    @property
+    def insists(self) -> bool:
+        """All but a person's are asked until they are answered."""
+        return self.enquiry is None
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +78,7 @@ class ParameterChannel:
         self.position: int | None = None
         """Last known position, increments; None since the drive restarted."""
         self._enquiries: list[_Question] = []
+        self._enquired_turn = 0
 
     @property
     def held(self) -> frozenset[int]:
@@ -79,7 +86,7 @@ class ParameterChannel:
         return self._held
 
     def enquire(self, enquiry: Enquiry) -> None:
-        """Read a parameter in the next slot that configuration leaves free."""
+        """Read a parameter, between two turns of the measurements, until it is answered or given up."""
         question = Request(enquiry.number, Mode.READ)
         self._enquiries.append(_Question(question, enquiry=enquiry))
 
@@ -92,12 +99,20 @@ class ParameterChannel:
         """The question for this slot: configuration, one position where the pattern has none, the pattern."""
         request = self.configuration.request() if configuring else None
         first = None if self.position is not None else self._ask_position
-        if first is None and request is None and self._enquiries:
-            first = self._enquiries[0]
+        if first is None and request is None:
+            first = self._next_enquiry()
         question = self.slots.ask(now_s, first if request is None else _Question(request))
         if question is not None and question.enquiry is not None:
-            self._enquiries = [q for q in self._enquiries if q is not question]
+            self._enquired_turn = self.slots.turns
+            self._enquiries.append(self._enquiries.pop(0))
         return None if question is None else question.request
+
+    def _next_enquiry(self) -> _Question | None:
+        if self._enquiries:
+            self._enquiries = [q for q in self._enquiries if q.enquiry and not q.enquiry.is_done]
+        if not self._enquiries or self.slots.turns == self._enquired_turn:
+            return None
+        return self._enquiries[0]
 
     def take(self, answer: Answer) -> Taken | None:
         """What an answer brings; None where it was not asked for."""
