@@ -156,6 +156,23 @@ def test_a_drive_error_while_armed_parks_or_stops_the_rig_and_names_itself():
     assert not ride.powered()
 
 
+@pytest.mark.parametrize("name", ["axis", "axis_canopen"])
+def test_a_rig_whose_drive_does_not_go_off_is_not_called_parked(name):
+    ride = session(name)
+    ride.wait_for("parked")
+    ride.arm()
+    ride.run_until(ride.now_s + 0.5)
+    (drive,) = ride.simulated.drives
+    stage = drive.stage if name == "axis" else drive._power
+    stage.obey = lambda *a, **k: None  # it answers and heeds no control word
+    assert ride.command("disarm").ok
+    ride.run_until(ride.now_s + 1.5)
+    assert ride.core.state == "fault"
+    assert "still makes force" in ride.state().fault
+    assert "drive_stays_on" in ride.events()
+    assert "still makes force" in ride.command("arm").text
+
+
 def test_a_late_node_keeps_the_rig_from_being_armed_until_it_boots():
     ride = session()
     (drive,) = ride.simulated.drives

@@ -7,7 +7,8 @@ step, its hardware enable is there, it is referenced and has answered every quan
 configured again from the start. One machine for every family: CiA 402 kept DRIVECOM's states.
 
 ON counts from READY only, and must be given anew there: a drive whose enable comes back never
-starts by itself.
+starts by itself. A drive that makes force although it has long been told to be off is a fault too, and told
+even where another fault is latched: whoever goes near the rig believes that its drives are off.
 """
 
 from __future__ import annotations
@@ -65,6 +66,7 @@ class PhaseMachine(Generic[S]):
         self._status_s = 0.0
         self._on_since_s: float | None = None
         self._enable_sent_s = -math.inf
+        self._on_told = False
         self._reset: FaultReset | None = None
 
     # -- what happens --------------------------------------------------------------------------------
@@ -133,7 +135,7 @@ class PhaseMachine(Generic[S]):
             return
         self.error = f"{self._who} {text}"
         self._on_since_s = self._reset = None
-        self._off_seen = False
+        self._off_seen = self._on_told = False
         self._configuration.restart()
         self.phase = DrivePhase.FAULT
         self._since_s = now_s
@@ -156,6 +158,7 @@ class PhaseMachine(Generic[S]):
     def judge(self, now_s: float) -> None:
         """Go as far forward or back as what is known demands."""
         if self.phase is DrivePhase.FAULT:
+            self._judge_off(now_s)
             self._judge_reset(now_s)
         if self.phase in (DrivePhase.ABSENT, DrivePhase.FAULT):
             return
@@ -239,12 +242,7 @@ class PhaseMachine(Generic[S]):
         asked = self._on_since_s is not None
         if power is PowerState.OPERATION_ENABLED:
             if self.phase is DrivePhase.ENABLED:
-                lost = (
-                    None
-                    if self.status.enpo
-                    else f"has lost its hardware enable {settings.enable_input}"
-                )
-                return None if lost is None else ("enpo_lost", lost)
+                return self._enabled_trouble(now_s)
             if now_s - self._enable_sent_s > settings.status_timeout_s:
                 return "drive_enabled_itself", "makes force although nobody asked it to"
             return None
@@ -257,6 +255,37 @@ class PhaseMachine(Generic[S]):
         if now_s - (self._on_since_s or now_s) > settings.enable_timeout_s:
             return "drive_not_enabled", f"did not enable within {settings.enable_timeout_s:g} s"
         return None
+
+    def _enabled_trouble(self, now_s: float) -> tuple[str, str] | None:
+        settings = self._settings
+        if not self.status.enpo:
+            return "enpo_lost", f"has lost its hardware enable {settings.enable_input}"
+        if not self.referenced:
+            return "reference_lost", "is not referenced any more: its position means nothing"
+        is_told_off = self._on_since_s is None
+        if is_told_off and now_s - self._enable_sent_s > settings.enable_timeout_s:
+            return self._stays_on
+        return None
+
+    @property
+    def _stays_on(self) -> tuple[str, str]:
+        text = (
+            f"still makes force {self._settings.enable_timeout_s:g} s after it was told to be off: "
+            "take its power away by hand"
+        )
+        return "drive_stays_on", text
+
+    def _judge_off(self, now_s: float) -> None:
+        """In a fault, which hides nothing: told once for each that is latched."""
+        off_s = now_s - max(self._enable_sent_s, self._since_s)
+        is_known = now_s - self._status_s <= self._settings.status_timeout_s
+        is_on = is_known and self.status.power is PowerState.OPERATION_ENABLED
+        if not is_on or off_s <= self._settings.enable_timeout_s or self._on_told:
+            return
+        self._on_told = True
+        name, text = self._stays_on
+        self.fault(now_s, name, text)
+        self.events.append(Event(now_s, "fault", name, f"{self._who} {text}"))
 
     def _judge_reset(self, now_s: float) -> None:
         if self._reset is None:
@@ -289,6 +318,8 @@ class PhaseMachine(Generic[S]):
 
     def _enter(self, now_s: float, phase: DrivePhase) -> None:
         self._since_s = now_s
+        if phase not in _MAY_ENABLE:
+            self._on_since_s = None
         self._off_seen = phase in _MAY_ENABLE and (self._off_seen or self._goal is not PowerGoal.ON)
         if phase is not self.phase:
             self.phase = phase

@@ -249,6 +249,63 @@ def test_a_drive_that_leaves_operation_by_itself_is_named() -> None:
     assert "left operation by itself: it is now ready to switch on" in fault(x)
 
 
+def test_a_drive_that_stays_on_when_told_to_be_off_is_named() -> None:
+    x = enabled()
+    x.drives[0].stage.obey = lambda *a, **k: None
+    x.run(0.9, OFF)
+    assert x.named("drive_stays_on") == []
+    x.run(0.3, OFF)
+    assert "still makes force 1 s after it was told to be off" in fault(x)
+    (event,) = x.named("drive_stays_on")
+    assert "axis (address 1)" in event.text
+
+
+def test_a_latched_fault_does_not_hide_that_the_drive_stays_on() -> None:
+    x = enabled()
+    stage = x.drives[0].stage
+    stage.obey, stage.trip = lambda *a, **k: None, lambda *a, **k: True
+    x.drives[0].set_fault(3)
+    x.run(3.0, ON)
+    assert "overcurrent" in fault(x)
+    assert "still makes force" in fault(x)
+    assert len(x.named("drive_stays_on")) == 1
+
+
+def test_a_drive_that_loses_its_reference_while_enabled_is_stopped() -> None:
+    x = Exchange(rig_of("axis"), profile_of(homing="drive"))
+    x.drives[0].home()
+    x.enable()
+    x.drives[0].referenced = False
+    x.run(0.1, ON)
+    assert "not referenced any more" in fault(x)
+    assert x.plant.modes == ["off"]
+
+
+def test_a_drive_whose_reference_comes_back_never_enables_by_itself() -> None:
+    x = Exchange(rig_of("axis"), profile_of(homing="drive"))
+    x.drives[0].home()
+    x.arm()
+    obey, x.drives[0].stage.obey = x.drives[0].stage.obey, lambda *a, **k: None
+    x.run(0.05, ON)
+    x.drives[0].referenced = False
+    x.run(0.05, ON)
+    assert x.phases() == {DrivePhase.CONFIGURED}
+    x.drives[0].referenced, x.drives[0].stage.obey = True, obey
+    since_s = x.now_s
+    x.run(0.3, ON)
+    assert enables_sent(x, since_s) == 0
+    assert "ask for off, then for on" in (x.bus[0].status.waiting_for or "")
+
+
+def test_an_error_frame_is_no_reason_to_speak_before_having_listened() -> None:
+    x = Exchange(rig_of("motorcycle"))
+    x.run(0.02)
+    x.inject(Frame(x.bus[0].frames.error, bytes((3,)) + bytes(7)))
+    x.run(0.2)
+    assert x.sent == []
+    fault(x)
+
+
 def test_a_drive_that_does_not_enable_is_named() -> None:
     x = Exchange(rig_of())
     x.arm()

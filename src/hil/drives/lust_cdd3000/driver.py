@@ -222,7 +222,7 @@ class LustDriver:
         if self._logged_on and self._listened(now_s):
             self._logged_on = False
             self._take_log_on(now_s)
-        if self.phase is DrivePhase.ABSENT or machine.muted:
+        if self.phase is DrivePhase.ABSENT or machine.muted or not self._listened(now_s):
             return []
         command = machine.command(now_s)
         control = encode_control(
