@@ -112,6 +112,17 @@ def test_a_cia_402_drive_homes_by_its_own_method(
         assert simulated.plant.position(0) == pytest.approx(zero_m, abs=2e-3)
 
 
+def test_a_drive_that_was_homed_before_is_homed_again(tmp_path: Path) -> None:
+    """Its status tells the search before until the new one has begun."""
+    with served(tmp_path, "axis_canopen", homed_by(17, -0.245)) as (rig, profiles, simulated):
+        (drive,) = simulated.drives
+        drive._power.homing._bits = 0x1400  # attained, target reached
+        with Desk(rig, profiles, "axis") as desk:
+            found = desk.home(lambda: objects.set_up_homing(desk) and None, 30.0)
+        assert drive.is_referenced
+        assert found == pytest.approx(-0.245, abs=2e-3)
+
+
 def test_a_lust_drive_is_found_read_written_and_jogged(tmp_path: Path) -> None:
     with served(tmp_path, "axis") as (rig, profiles, _):
         (found,) = scan(rig, profiles)

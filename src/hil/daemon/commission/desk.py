@@ -36,6 +36,8 @@ JOG_SHARE: Final = 0.1
 """Of velocity_max: the fastest that a drive is jogged."""
 HOMING_ATTAINED, HOMING_ERROR = 0x1000, 0x2000
 """Bits 12 and 13 of the status word in homing mode (CiA 402-2) [M]."""
+HOMING_START_CYCLES: Final = 5
+"""So long after the start those bits may still be those of an earlier search."""
 
 
 class Desk:
@@ -214,6 +216,7 @@ class Desk:
             self.enable()
             driver.is_homing = True
             ended = HOMING_ATTAINED | HOMING_ERROR
+            self.run(PowerGoal.ON, self._is_off, HOMING_START_CYCLES * self.rig.bus.cycle)
             if not self.run(
                 PowerGoal.ON, lambda: bool(driver.word & ended) or self._is_off(), timeout_s
             ):
