@@ -68,7 +68,9 @@ class PowerStage:
         if before is PowerState.FAULT and after is not PowerState.FAULT:
             self.code = 0
             self._course.reset()
-        if before is not PowerState.OPERATION_ENABLED:
+        if before is PowerState.QUICK_STOP_ACTIVE and after is not before:
+            self.power_off(now_s, after)
+        elif before is not PowerState.OPERATION_ENABLED:
             self.state = after
             if after is not before and self.is_on:
                 self._motion.enable(self._objects)
