@@ -114,6 +114,7 @@ class ForeignDrive:
             od[index] = record
         od.update_callbacks[(0x6040, 0)].add(self._obey)
         od.update_callbacks[(0x607A, 0)].add(self._move)
+        od.update_callbacks[(0x6060, 0)].add(lambda mode: od.write(0x6061, 0, mode))
 
     def _obey(self, word: int) -> None:
         state = self.od.read(0x6041, 0)

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from hil.drives.cia402 import codec
+from hil.drives.cia402.bus import CanopenBus
 from hil.drives.cia402.objects import ObjectDictionary, ObjectEntry
 from hil.drives.driver import DrivePhase, PowerGoal
 from hil.drives.power import PowerState
@@ -117,6 +118,21 @@ def test_a_drive_without_the_mode_that_is_needed_is_refused_by_name():
     assert "no mode cst" in x.error()
 
 
+def test_a_drive_that_takes_the_mode_and_stays_in_another_is_refused_by_name():
+    x = Exchange()
+    x.drives[0].objects.live[0x6061, 0] = lambda: -1
+    x.reach(DrivePhase.FAULT)
+    assert x.named("drive_mode")
+    assert "set to mode csp (0x6060 = 8) and took it, but stays in mode -1 (0x6061)" in x.error()
+
+
+def test_a_drive_that_shows_its_mode_a_little_later_is_waited_for():
+    x = Exchange()
+    objects, reads = x.drives[0].objects, iter(range(1000))
+    objects.live[0x6061, 0] = lambda: objects.value(0x6060) if next(reads) > 20 else 0
+    x.reach(DrivePhase.READY)
+
+
 def test_a_drive_that_must_be_homed_waits_for_it():
     profile = profile_of(homing={"kind": "drive"})
     x = Exchange(profile=profile)
@@ -218,6 +234,16 @@ def test_a_fault_is_reset_by_an_edge_and_never_by_itself():
     x.reach(DrivePhase.ENABLED, PowerGoal.ON)
 
 
+def test_a_drive_that_stays_on_when_told_to_be_off_is_named():
+    x = Exchange()
+    x.enable()
+    x.drives[0]._power.obey = lambda *a: None  # it answers and heeds no control word
+    x.run(1.2, PowerGoal.OFF)
+    assert "axis (node 1) still makes force" in x.error()
+    assert words(x)[-1] == 0x00
+    assert x.named("drive_stays_on")
+
+
 def test_quick_stop_and_its_end():
     x = Exchange()
     x.enable()
@@ -229,6 +255,19 @@ def test_quick_stop_and_its_end():
     assert drive.power is PowerState.QUICK_STOP_ACTIVE
     drive.on_time(x.now_s + 0.3)
     assert drive.power is PowerState.SWITCH_ON_DISABLED
+
+
+def test_disable_ends_a_quick_stop_at_once_and_it_comes_back_to_nobody():
+    x = Exchange()
+    x.enable()
+    drive, now_s = x.drives[0], x.now_s
+    for word in (0x02, 0x00):
+        now_s += 1e-3
+        drive.on_frame(now_s, Frame(IDS.rpdo, bytes((word, 0)) + bytes(4)))
+        drive.on_frame(now_s, Frame(codec.SYNC_ID))
+    assert drive.power is PowerState.SWITCH_ON_DISABLED
+    assert x.plant.modes == ["off"]
+    assert drive._power.off_s == math.inf
 
 
 def test_loss_of_the_motors_supply_is_told():
@@ -399,6 +438,18 @@ def test_the_end_of_the_stroke_trips_and_a_reset_drive_may_move_back():
     assert x.named("course_limitation")
     x.run(0.3, PowerGoal.OFF)
     x.reach(DrivePhase.READY, PowerGoal.RESET)
+
+
+def test_a_limit_that_the_drive_cannot_hold_is_refused_when_the_drivers_are_built():
+    with pytest.raises(
+        ConfigError, match=r"axis: its lower position limit does not fit.*0x607d:01"
+    ):
+        Exchange(with_drive(rig_of(), counts_per_unit=1e10))
+
+
+def test_a_node_number_that_there_is_not_is_refused():
+    with pytest.raises(ConfigError, match=r"axis has actuators\.drive\.address 0"):
+        CanopenBus(with_drive(rig_of(), address=0), {"cia402": profile_of()})
 
 
 def test_a_node_number_of_our_own_is_refused():

@@ -28,6 +28,12 @@ class CanopenBus:
     def __init__(self, rig: RigFile, profiles: Profiles) -> None:
         self._rig = rig
         files = [_canopen(profiles, a.drive.profile) for a in rig.actuators]
+        for i, actuator in enumerate(rig.actuators):
+            if not 1 <= rig.address(i) <= codec.LARGEST_NODE:
+                raise ConfigError(
+                    f"{rig.name}: {actuator.name} has actuators.drive.address {rig.address(i)}; CANopen has "
+                    f"nodes 1 to {codec.LARGEST_NODE}"
+                )
         self._drivers = tuple(Cia402Driver(rig, i, p) for i, p in enumerate(files))
         self._by_id = {can_id: d for d in self._drivers for can_id in d.ids()}
         masters = frozenset(p.supervision.master_node for p in files)

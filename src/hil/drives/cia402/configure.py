@@ -17,11 +17,13 @@ from hil.drives.cia402.codec import NodeIds, PdoLayout
 from hil.drives.cia402.mapping import MODE_CODES, TPDO, CyclicMode, candidates, rpdo, supports
 from hil.drives.cia402.profile import Cia402Profile
 from hil.drives.cia402.sdo import Transfer
-from hil.errors import ConfigError, DriveError
+from hil.errors import ConfigError, DriveError, ProtocolError
 
 DISABLED: Final = 0x8000_0000
 """Bit 31 of a PDO's identifier: the PDO is not used."""
 SERVO_PROFILE: Final = 402
+MODE_READS: Final = 100
+"""So often the mode that a drive shows is read, one read a cycle or two, until it is the one that was set."""
 AT_EVERY_SYNC: Final = 1
 AT_ONCE: Final = 255
 
@@ -75,13 +77,22 @@ def wanted_of(rig: RigFile, i: int, profile: Cia402Profile, ids: NodeIds) -> Wan
     for index, sub, _, what in settings[:3]:
         if (index, sub) not in profile.objects:
             raise ConfigError(f"{profile.objects.source}: lacks {index:#06x}:{sub:02x}, {what}")
+    held = tuple(s for s in settings if (s[0], s[1]) in profile.objects)
+    for index, sub, value, what in held:
+        try:
+            profile.objects[index, sub].encode(value)
+        except ProtocolError as error:
+            raise ConfigError(
+                f"{rig.name}: {a.name}: its {what} does not fit the drive: {error}; correct the rig file's "
+                "limits or actuators.drive.counts_per_unit"
+            ) from error
     return Wanted(
         profile,
         ids,
         candidates(rig, a),
         rig.bus.schedule == "fast",
         cycle_us,
-        tuple(s for s in settings if (s[0], s[1]) in profile.objects),
+        held,
         watchdog_ms,
     )
 
@@ -131,7 +142,7 @@ class Boot:
         except Refused as refused:
             self.failure, self.failure_name = str(refused), refused.name
             return None
-        except DriveError as error:
+        except (DriveError, ProtocolError) as error:
             self.failure = str(error)
             return None
         return self._transfer
@@ -146,6 +157,7 @@ class Boot:
             if (index, sub) == (0x6007, 0):
                 self.watchdog_ok = True
         yield from self._pdos()
+        yield from self._mode_shown()
         homing = self._wanted.profile.homing
         if homing.kind == "drive" and homing.referenced_index is not None:
             found = yield from self._read(homing.referenced_index, 0)
@@ -185,6 +197,21 @@ class Boot:
             )
         self.mode = fit[0]
         yield from self._set(0x6060, 0, MODE_CODES[self.mode], "mode of operation")
+
+    def _mode_shown(self) -> Steps:
+        """0x6060 is a wish: a drive may hold it and stay in another mode, which 0x6061 tells."""
+        assert self.mode is not None
+        shown = 0
+        for _ in range(MODE_READS):
+            data = yield from self._do(Transfer(0x6061, 0))
+            shown = int.from_bytes(data, "little", signed=True)
+            if shown == MODE_CODES[self.mode]:
+                return
+        raise Refused(
+            "drive_mode",
+            f"was set to mode {self.mode} (0x6060 = {MODE_CODES[self.mode]}) and took it, but stays in mode "
+            f"{shown} (0x6061)",
+        )
 
     def _pdos(self) -> Steps:
         assert self.mode is not None
