@@ -173,6 +173,27 @@ def test_a_rig_whose_drive_does_not_go_off_is_not_called_parked(name):
     assert "still makes force" in ride.command("arm").text
 
 
+@pytest.mark.parametrize("name", ["axis_canopen", "stewart_canopen"])
+def test_a_boot_up_message_of_a_drive_that_makes_force_takes_its_power_too(name):
+    """Another node of its number has booted, or it has begun its communication anew without a break."""
+    ride = session(name).engaged(0.5)
+    ride.core.on_frame(ride.now_s, Frame(0x701, b"\x00"))
+    ride.run_until(ride.now_s + 0.1)
+    assert ride.core.state == "emergency"
+    assert ride.state().fault.startswith("drive_rebooted: ")
+    assert not ride.powered()
+    assert ride.command("reset").ok
+    ride.wait_for("parked")
+
+
+def test_a_drive_that_told_its_boot_up_and_stays_on_is_named():
+    ride = session().engaged(0.5)
+    ride.simulated.drives[0]._power.obey = lambda *a: None
+    ride.core.on_frame(ride.now_s, Frame(0x701, b"\x00"))
+    ride.run_until(ride.now_s + 1.5)
+    assert "axis (node 1) still makes force" in ride.text_of("drive_stays_on")
+
+
 def test_a_late_node_keeps_the_rig_from_being_armed_until_it_boots():
     ride = session()
     (drive,) = ride.simulated.drives

@@ -110,8 +110,12 @@ class Cia402Driver:
 
     @property
     def started(self) -> bool:
-        """It was told to be operational since it was found."""
-        return self._machine.started
+        """It was told to be operational since it was found.
+
+        After a boot-up message in mid-run it is told to be off all the same: another node may have been set to
+        its number, or it has begun its communication anew and not its power stage.
+        """
+        return self._hearing.is_mapped
 
     @property
     def boot(self) -> Boot:
@@ -222,7 +226,7 @@ class Cia402Driver:
 
     def _values_out(self, now_s: float, setpoint: float | None) -> list[Frame]:
         machine, hearing = self._machine, self._hearing
-        if not machine.started:
+        if not hearing.is_mapped:
             return []
         hearing.slots += 1
         command = machine.command(now_s)
@@ -245,6 +249,7 @@ class Cia402Driver:
             return [self._nmt_frame(codec.NmtCommand.PRE_OPERATIONAL)]
         if machine.phase is DrivePhase.CONFIGURED and not machine.started:
             machine.start(now_s)
+            self._hearing.is_mapped = True
             self._hearing.watch.started(now_s)
             return [self._nmt_frame(codec.NmtCommand.START)]
         request = self.sdo.next_request(now_s)

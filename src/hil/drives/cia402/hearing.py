@@ -55,6 +55,8 @@ class Hearing:
         self._restarted = restarted
         self._said = NOTHING_SAID
         self._wrong = 0
+        self.is_mapped = False
+        """It was started with our mapping since it was found."""
         self.syncs = Syncs(rig, i)
         self.watch = Watch(profile.supervision)
         self.word = 0
@@ -69,8 +71,9 @@ class Hearing:
         """Of these, answered."""
 
     def anew(self) -> None:
-        """It begins anew: what it sent wrongly before is forgiven."""
+        """It begins anew: what it sent wrongly before is forgiven, and what is mapped is not known."""
         self._wrong = 0
+        self.is_mapped = False
 
     def on_frame(self, now_s: float, can_id: int, data: bytes) -> list[Sample | Event]:
         """A data frame of the node's came in; its values, if it was any."""
@@ -99,12 +102,14 @@ class Hearing:
             self._on_wrong_values(now_s, error)
             return []
         self._wrong = 0
-        if machine.phase is DrivePhase.ABSENT or not machine.started:
+        if machine.phase is DrivePhase.ABSENT or not self.is_mapped:
             return []  # of an earlier master's making: nobody knows what is mapped
         if self.pairs < self.slots:
             self.pairs += 1
         self.position, self.word, self._said = position, word, said
         machine.took_status(now_s, said)
+        if not machine.started:
+            return []  # its boot-up was heard: whether it makes force is all that counts
         machine.answered(now_s, "position")
         machine.answered(now_s, "force")
         at_s = self.syncs.answered(now_s)
