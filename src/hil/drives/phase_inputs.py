@@ -52,6 +52,7 @@ class PhaseSettings:
     """A sign of a fresh start within this after the last one means nothing new."""
     status_timeout_s: float
     enable_timeout_s: float
+    off_timeout_s: float
     reset_hold_s: float
     absolute: bool
     """Its encoder knows the rig file's zero."""

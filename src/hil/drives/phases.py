@@ -25,6 +25,7 @@ from hil.signals import Event
 
 ERROR_LENGTH: Final = 400
 """What is told while a fault is latched is added to it up to so many characters: errors come in storms."""
+STAYS_ON: Final = "drive_stays_on"
 _MAY_ENABLE: Final = (DrivePhase.READY, DrivePhase.ENABLED)
 
 
@@ -135,7 +136,8 @@ class PhaseMachine(Generic[S]):
             return
         self.error = f"{self._who} {text}"
         self._on_since_s = self._reset = None
-        self._off_seen = self._on_told = False
+        self._off_seen = False
+        self._on_told = name == STAYS_ON
         self._configuration.restart()
         self.phase = DrivePhase.FAULT
         self._since_s = now_s
@@ -182,6 +184,10 @@ class PhaseMachine(Generic[S]):
                 self._enter(now_s, DrivePhase.CONFIGURED)
         elif not makes_force:
             self._enter(now_s, DrivePhase.READY)
+
+    def told_off_for(self, now_s: float) -> float:
+        """How long it has not been told to make force, s."""
+        return now_s - self._enable_sent_s
 
     @property
     def resetting(self) -> bool:
@@ -263,29 +269,27 @@ class PhaseMachine(Generic[S]):
         if not self.referenced:
             return "reference_lost", "is not referenced any more: its position means nothing"
         is_told_off = self._on_since_s is None
-        if is_told_off and now_s - self._enable_sent_s > settings.enable_timeout_s:
-            return self._stays_on
+        if is_told_off and self.told_off_for(now_s) > settings.off_timeout_s:
+            return STAYS_ON, self._stays_on
         return None
 
     @property
-    def _stays_on(self) -> tuple[str, str]:
-        text = (
-            f"still makes force {self._settings.enable_timeout_s:g} s after it was told to be off: "
+    def _stays_on(self) -> str:
+        return (
+            f"still makes force {self._settings.off_timeout_s:g} s after it was told to be off: "
             "take its power away by hand"
         )
-        return "drive_stays_on", text
 
     def _judge_off(self, now_s: float) -> None:
         """In a fault, which hides nothing: told once for each that is latched."""
-        off_s = now_s - max(self._enable_sent_s, self._since_s)
+        off_s = min(self.told_off_for(now_s), now_s - self._since_s)
         is_known = now_s - self._status_s <= self._settings.status_timeout_s
         is_on = is_known and self.status.power is PowerState.OPERATION_ENABLED
-        if not is_on or off_s <= self._settings.enable_timeout_s or self._on_told:
+        if not is_on or off_s <= self._settings.off_timeout_s or self._on_told:
             return
         self._on_told = True
-        name, text = self._stays_on
-        self.fault(now_s, name, text)
-        self.events.append(Event(now_s, "fault", name, f"{self._who} {text}"))
+        self.fault(now_s, STAYS_ON, self._stays_on)
+        self.events.append(Event(now_s, "fault", STAYS_ON, f"{self._who} {self._stays_on}"))
 
     def _judge_reset(self, now_s: float) -> None:
         if self._reset is None:

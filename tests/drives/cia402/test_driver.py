@@ -241,7 +241,35 @@ def test_a_drive_that_stays_on_when_told_to_be_off_is_named():
     x.run(1.2, PowerGoal.OFF)
     assert "axis (node 1) still makes force" in x.error()
     assert words(x)[-1] == 0x00
-    assert x.named("drive_stays_on")
+    assert len(x.named("drive_stays_on")) == 1
+
+
+@pytest.mark.parametrize("lost", [(IDS.rpdo,), (codec.SYNC_ID,)], ids=["control words", "SYNC"])
+def test_a_drive_that_does_not_hear_that_it_is_to_be_off_is_left_to_its_watchdog(lost):
+    x = Exchange(rig_of(control={"mode": "computed_torque"}))
+    x.enable()
+    drive = x.drives[0]
+    heeds = drive.on_frame
+    drive.on_frame = lambda now_s, f: [] if f.can_id in lost else heeds(now_s, f)
+    x.run(0.5, PowerGoal.OFF)
+    assert drive.power in (PowerState.FAULT_REACTION, PowerState.FAULT)
+    x.run(0.3, PowerGoal.OFF)
+    assert x.plant.modes == ["off"]
+    (event,) = x.named("heartbeat_stopped")
+    assert "axis not off" in event.text
+    drive.on_frame = heeds
+    x.reach(DrivePhase.READY, PowerGoal.RESET)
+    x.run(0.1, PowerGoal.OFF)
+    x.reach(DrivePhase.ENABLED, PowerGoal.ON)
+
+
+def test_a_drive_that_is_gone_altogether_does_not_stop_the_others():
+    x = Exchange(rig_of("stewart_canopen"))
+    x.enable()
+    x.drives[0].silence()
+    x.run(1.0, PowerGoal.OFF)
+    assert x.named("heartbeat_stopped") == []
+    assert {d.power for d in x.drives[1:]} == {PowerState.READY_TO_SWITCH_ON}
 
 
 def test_quick_stop_and_its_end():

@@ -52,6 +52,7 @@ class CanopenBus:
         self._period_s = rig.safety.drive_watchdog / HEARTBEATS
         self._first_s: float | None = None
         self._beat_s: float | None = None
+        self._is_quiet = False
         self._strangers: set[int] = set()
         self._events: list[Event] = []
 
@@ -82,10 +83,21 @@ class CanopenBus:
         return [SYNC]
 
     def on_cycle(self, now_s: float) -> list[Frame]:
-        """Our heartbeat where it is due, once we have listened."""
+        """Our heartbeat where it is due, once we have listened.
+
+        It stops while a drive does not go off: then the drives' own watchdogs take the power, as from a dead
+        daemon, those of the others on the bus too.
+        """
         if self._first_s is None:
             self._first_s = now_s
         if now_s - self._first_s < self._listen_s:
+            return []
+        deaf = [d.name for d in self._drivers if d.is_deaf(now_s)]
+        if deaf and not self._is_quiet:
+            text = f"{', '.join(deaf)} not off although told so: our heartbeat stops, so that watchdogs do it"
+            self._events.append(Event(now_s, "warning", "heartbeat_stopped", text))
+        self._is_quiet = bool(deaf)
+        if deaf:
             return []
         if self._beat_s is not None and now_s - self._beat_s < self._period_s:
             return []

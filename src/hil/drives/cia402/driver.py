@@ -47,6 +47,7 @@ class Cia402Driver:
         self.wire_kind: SetpointKind = KIND_OF[mode]
         self.setpoint_kind: SetpointKind = "force" if self.wire_kind == "force" else "position"
         self.sdo = SdoClient(profile.timing.sdo_timeout, profile.timing.sdo_tries)
+        self._off_timeout_s = profile.timing.off_timeout
         self._node = node
         self._layout = rpdo(mode)
         wanted = wanted_of(rig, i, profile, self.frames)
@@ -112,10 +113,20 @@ class Cia402Driver:
     def started(self) -> bool:
         """It was told to be operational since it was found.
 
-        After a boot-up message in mid-run it is told to be off all the same: another node may have been set to
-        its number, or it has begun its communication anew and not its power stage.
+        After a boot-up message in mid-run it is told to be off all the same: another node may have been set
+        to its number, or it has begun its communication anew and not its power stage.
         """
         return self._hearing.is_mapped
+
+    def is_deaf(self, now_s: float) -> bool:
+        """It is there, and has long been told to be off, but what it said last is that it makes force.
+
+        Its process data do not reach it, or it has no SYNC; what it still hears is our heartbeat.
+        """
+        machine = self._machine
+        is_on = machine.status.power is PowerState.OPERATION_ENABLED
+        is_told_off = machine.told_off_for(now_s) > self._off_timeout_s
+        return is_on and is_told_off and self._hearing.watch.is_heard(now_s)
 
     @property
     def boot(self) -> Boot:
@@ -265,6 +276,7 @@ def _phase_settings(profile: Cia402Profile) -> PhaseSettings:
         repeat_s=0.0,
         status_timeout_s=timing.status_timeout,
         enable_timeout_s=timing.enable_timeout,
+        off_timeout_s=timing.off_timeout,
         reset_hold_s=timing.reset_hold,
         absolute=profile.homing.kind == "absolute",
         absent="has not been heard: is it powered, on this bus, at this bit rate, and set to this node?",

@@ -66,6 +66,9 @@ class Timing402(Settings):
     sdo_tries: Annotated[int, Field(ge=1)] = Field(2, description="requests before giving up")
     status_timeout: Positive = Field(0.1, description="no process data for so long: dead, s")
     enable_timeout: Positive = Field(1.0, description="longest from the enable command to force, s")
+    off_timeout: Positive = Field(
+        0.3, description="longest from the off command to no force, s: then our heartbeat stops"
+    )
     reset_hold: Positive = Field(0.02, description="reset bit low, then high, for so long each, s")
 
 

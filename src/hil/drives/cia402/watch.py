@@ -34,6 +34,10 @@ class Watch:
         """It says that it is there, and in `state`."""
         self._heard_s, self._state = now_s, state
 
+    def is_heard(self, now_s: float) -> bool:
+        """Its heartbeat comes."""
+        return now_s - self._heard_s <= self._quiet_s
+
     def trouble(self, now_s: float) -> tuple[str, str] | None:
         """Name and sentence of what is wrong with a started node; None where nothing is."""
         quiet_s = now_s - self._heard_s

@@ -292,6 +292,7 @@ def phase_settings(profile: LustProfile) -> PhaseSettings:
         repeat_s=timing.log_on_period,
         status_timeout_s=timing.status_timeout,
         enable_timeout_s=timing.enable_timeout,
+        off_timeout_s=timing.enable_timeout,
         reset_hold_s=timing.reset_hold,
         absolute=profile.homing == "absolute",
         absent="has not logged on: is it powered, on this bus, and set to this address? "
