@@ -51,6 +51,15 @@ def test_an_address_beyond_its_group_is_refused() -> None:
         build_drivers(rig, {"lust_cdd3000": profile_of(ids={"stride": 2})})
 
 
+def test_a_stroke_beyond_what_a_position_holds_is_refused() -> None:
+    actuators = [dict(a) for a in rig_of().model_dump()["actuators"]]
+    actuators[0]["drive"]["counts_per_unit"] = 1e10
+    with pytest.raises(
+        ConfigError, match=r"axis has 2\.5e\+09 increments at the end of its stroke"
+    ):
+        build_drivers(rig_of(actuators=actuators), PROFILES)
+
+
 def test_a_drive_file_that_is_not_there_is_named() -> None:
     with pytest.raises(ConfigError, match="no drive file for"):
         build_drivers(rig_of(), {})

@@ -6,6 +6,7 @@ from hil.config import RigFile
 from hil.drives.cia402.bus import CanopenBus
 from hil.drives.driver import DriveBus
 from hil.drives.lust_cdd3000.bus import LustBus
+from hil.drives.lust_cdd3000.codec import INT32_MAX
 from hil.drives.profile import GROUP, LustProfile
 from hil.drives.profiles import DriveProfile, Profiles
 from hil.drives.together import DrivesTogether, Part
@@ -19,6 +20,7 @@ def build_drivers(rig: RigFile, profiles: Profiles) -> DriveBus:
     """
     found = parts_of(rig, profiles)
     _check_schedule(rig, profiles)
+    _check_counts(rig)
     parts = [Part(bus, _family(part, profiles), actuators) for bus, actuators, part in found]
     kinds = {driver.setpoint_kind for part in parts for driver in part.drives}
     if len(kinds) > 1:
@@ -88,6 +90,17 @@ def _check_schedule(rig: RigFile, profiles: Profiles) -> None:
             f"{rig.name}: bus.schedule = {rig.bus.schedule!r}, but {asked[0]} answers one parameter "
             'in a slot; set "parameter"'
         )
+
+
+def _check_counts(rig: RigFile) -> None:
+    """Positions travel as 32 bits with sign, whatever the family: beyond that they would stand or wrap."""
+    for actuator in rig.actuators:
+        counts = max(map(abs, actuator.stroke)) * actuator.drive.counts_per_unit
+        if counts > INT32_MAX:
+            raise ConfigError(
+                f"{rig.name}: {actuator.name} has {counts:.3g} increments at the end of its stroke, a position "
+                f"has at most {INT32_MAX}: correct its stroke or actuators.drive.counts_per_unit"
+            )
 
 
 def _check_imu(rig: RigFile, drives: DriveBus) -> None:

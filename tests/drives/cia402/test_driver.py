@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import pytest
 
 from hil.drives.cia402 import codec
+from hil.drives.cia402.aborts import CODES, SdoAbort
 from hil.drives.cia402.bus import CanopenBus
 from hil.drives.cia402.objects import ObjectDictionary, ObjectEntry
 from hil.drives.driver import DrivePhase, PowerGoal
@@ -348,6 +350,48 @@ def test_an_eds_that_promises_more_than_the_drive_has():
     x.reach(DrivePhase.FAULT)
     assert x.named("wrong_eds")
     assert "0x607f" in x.error()
+
+
+def without(*gone):
+    """The shipped drive file, objects of its EDS left out."""
+    shipped = profile_of()
+    entries = {k: e for k, e in shipped.objects.entries.items() if k not in gone}
+    objects = dataclasses.replace(shipped.objects, entries=entries)
+    return shipped.model_copy(update={"objects": objects})
+
+
+def test_a_drive_that_has_no_revision_by_its_eds_is_not_asked_for_it():
+    x = Exchange(profile=without((0x1018, 3), (0x1018, 4)))
+    x.reach(DrivePhase.READY)
+
+
+def test_a_drive_without_remote_frames_keeps_the_bit_that_says_so():
+    x = Exchange()
+    objects = x.drives[0].objects
+    objects.put((0x1800, 1), 0x4000_0180 + NODE)
+    written = objects.before_write
+
+    def refuse(key, value):
+        if key == (0x1800, 1) and not value & 0x4000_0000:
+            raise SdoAbort(CODES["value_range"])
+        written(key, value)
+
+    objects.before_write = refuse
+    x.enable()
+    assert objects.value(0x1800, 1) == 0x4000_0180 + NODE
+
+
+def test_pdos_beyond_the_fourth_are_switched_off_too():
+    shipped = profile_of()
+    more = {
+        (index, 1): dataclasses.replace(shipped.objects[base, 1], index=index, default=default)
+        for base, index, default in ((0x1401, 0x1404, 0x321), (0x1801, 0x1804, 0x221))
+    }
+    objects = dataclasses.replace(shipped.objects, entries={**shipped.objects.entries, **more})
+    x = Exchange(profile=shipped.model_copy(update={"objects": objects}))
+    x.reach(DrivePhase.READY)
+    for index in (0x1401, 0x1403, 0x1404, 0x1801, 0x1803, 0x1804):
+        assert x.drives[0].objects.value(index, 1) & 0x8000_0000, f"{index:#x}"
 
 
 def test_an_eds_of_something_else_is_refused_when_it_is_read():

@@ -21,6 +21,8 @@ from hil.errors import ConfigError, DriveError, ProtocolError
 
 DISABLED: Final = 0x8000_0000
 """Bit 31 of a PDO's identifier: the PDO is not used."""
+NO_REMOTE: Final = 0x4000_0000
+"""Bit 30 of a TPDO's: no remote frames. A drive that serves none lets nobody clear it (CiA 301) [M]."""
 SERVO_PROFILE: Final = 402
 MODE_READS: Final = 100
 """So often the mode that a drive shows is read, one read a cycle or two, until it is the one that was set."""
@@ -182,8 +184,10 @@ class Boot:
                     f"says {name} {found:#x}, but the drive file is for {ours:#x}: another drive was put "
                     "here, or its EDS is the wrong one. Correct actuators.drive.profile, then reset",
                 )
+        if eds.revision is None or (0x1018, 3) not in eds:
+            return
         revision = yield from self._read(0x1018, 3)
-        if eds.revision is not None and revision != eds.revision:
+        if revision != eds.revision:
             self.notes.append(f"has revision {revision:#x}, its EDS is of {eds.revision:#x}")
 
     def _mode(self) -> Steps:
@@ -216,10 +220,12 @@ class Boot:
     def _pdos(self) -> Steps:
         assert self.mode is not None
         ids, type_ = self._wanted.ids, AT_EVERY_SYNC if self._wanted.is_synchronous else AT_ONCE
-        for k in (1, 2, 3):  # only what is mapped here may travel
-            for base in (0x1400, 0x1800):
-                if (base + k, 1) in self._wanted.profile.objects:
-                    yield from self._disable(base + k)
+        for (
+            index,
+            sub,
+        ) in self._wanted.profile.objects.entries:  # only what is mapped here may travel
+            if sub == 1 and (0x1401 <= index < 0x1600 or 0x1801 <= index < 0x1A00):
+                yield from self._disable(index)
         yield from self._map(0x1400, 0x1600, ids.rpdo, type_, rpdo(self.mode))
         yield from self._map(0x1800, 0x1A00, ids.tpdo, AT_EVERY_SYNC, TPDO)
 
@@ -227,7 +233,7 @@ class Boot:
         self, parameter: int, mapping: int, can_id: int, type_: int, layout: PdoLayout
     ) -> Steps:
         name = f"{'RPDO' if parameter == 0x1400 else 'TPDO'} 1"
-        yield from self._disable(parameter)
+        found = yield from self._disable(parameter)
         try:
             yield from self._set(mapping, 0, 0, f"{name}, no entries")
             for k, f in enumerate(layout.fields, start=1):
@@ -236,12 +242,14 @@ class Boot:
             yield from self._set(parameter, 2, type_, f"{name}, transmission type")
         except SdoAbort as abort:
             raise Refused("mapping_refused", f"refuses its mapping: {abort}") from abort
-        yield from self._set(parameter, 1, can_id, f"{name}, enabled")
+        as_is = found & NO_REMOTE if parameter == 0x1800 else 0
+        yield from self._set(parameter, 1, can_id | as_is, f"{name}, enabled")
 
-    def _disable(self, parameter: int) -> Steps:
+    def _disable(self, parameter: int) -> Generator[Transfer, None, int]:
         found = yield from self._read(parameter, 1)
         if not found & DISABLED:
             yield from self._set(parameter, 1, found | DISABLED, "PDO disabled", mask=DISABLED)
+        return found
 
     def _read(self, index: int, sub: int) -> Generator[Transfer, None, int]:
         data = yield from self._do(Transfer(index, sub))
