@@ -23,6 +23,7 @@ from hil.drives.profiles import Profiles
 from hil.errors import ConfigError, DriveError, ProtocolError, RigInUse
 from hil.sim.rig import SimulatedRig
 from hil.sim.serve import SimulatedRigServer
+from tests.daemon.bench import wait_for
 from tests.daemon.simulated_rig import rig_file
 
 pytestmark = pytest.mark.timeout(120)
@@ -121,6 +122,21 @@ def test_a_drive_that_was_homed_before_is_homed_again(tmp_path: Path) -> None:
             found = desk.home(lambda: objects.set_up_homing(desk) and None, 30.0)
         assert drive.is_referenced
         assert found == pytest.approx(-0.245, abs=2e-3)
+
+
+def test_a_drive_that_does_not_go_off_after_a_jog_is_named_and_left_to_its_watchdog(
+    tmp_path: Path,
+) -> None:
+    with served(tmp_path, "axis_canopen") as (rig, profiles, simulated):
+        (drive,) = simulated.drives
+        with Desk(rig, profiles, "axis") as desk:
+            desk.prepare()
+            desk.enable()
+            drive._power.obey = lambda *a: None
+            with pytest.raises(DriveError, match="still makes force"):
+                desk.disable()
+        wait_for(lambda: not drive._power.is_on, 10.0)
+        assert drive._power.code == 0x8130, "our heartbeat is gone"
 
 
 def test_a_lust_drive_is_found_read_written_and_jogged(tmp_path: Path) -> None:

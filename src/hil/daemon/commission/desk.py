@@ -32,6 +32,7 @@ from hil.safety import Finding, Rule
 
 READY_S: Final = 15.0
 OFF_CYCLES: Final = 10
+OFF_S: Final = 1.0
 JOG_SHARE: Final = 0.1
 """Of velocity_max: the fastest that a drive is jogged."""
 HOMING_ATTAINED, HOMING_ERROR = 0x1000, 0x2000
@@ -56,6 +57,7 @@ class Desk:
         """Its objects or parameters."""
         self._stack = ExitStack()
         self._was_told = False
+        self._stays_on = False  # or has not said that it is off
         self._port: BusPort
 
     def __enter__(self) -> Self:
@@ -73,7 +75,7 @@ class Desk:
         trace: TracebackType | None,
     ) -> None:
         try:
-            if self._was_told:
+            if self._was_told and not self._stays_on:
                 self._release()
         finally:
             self._stack.close()
@@ -141,20 +143,27 @@ class Desk:
             )
 
     def disable(self) -> None:
-        """Power off, told several times; never fails."""
+        """Power off, told several times; DriveError where it does not say that it is.
+
+        Such a drive is not released: its own watchdog is what is left to stop it.
+        """
         left = OFF_CYCLES
 
         def done() -> bool:
             nonlocal left
             left -= 1
-            return left <= 0
+            return left <= 0 and self._is_off()
 
         try:
-            self.run(PowerGoal.OFF, done, 1.0)
+            self.run(PowerGoal.OFF, done, OFF_S)
         except HilError:
             pass
         finally:
             self.link.gate.disarm()
+        self._stays_on = self.phase in (DrivePhase.ENABLED, DrivePhase.FAULT)
+        if self._stays_on:
+            name, error = self.driver.name, self.driver.status.error
+            raise DriveError(error or f"{name} does not go off: take its power away by hand")
 
     def jog(self, distance: float, speed: float) -> float:
         """Move by `distance`, m or rad, no faster than `speed`; returns where it came to rest.
