@@ -98,8 +98,8 @@ def _check_counts(rig: RigFile) -> None:
         counts = max(map(abs, actuator.stroke)) * actuator.drive.counts_per_unit
         if counts > INT32_MAX:
             raise ConfigError(
-                f"{rig.name}: {actuator.name} has {counts:.3g} increments at the end of its stroke, a position "
-                f"has at most {INT32_MAX}: correct its stroke or actuators.drive.counts_per_unit"
+                f"{rig.name}: {actuator.name} has {counts:.3g} increments at the end of its stroke; at most "
+                f"{INT32_MAX} fit: correct its stroke or actuators.drive.counts_per_unit"
             )
 
 

@@ -26,6 +26,8 @@ from hil.signals import Event
 ERROR_LENGTH: Final = 400
 """What is told while a fault is latched is added to it up to so many characters: errors come in storms."""
 STAYS_ON: Final = "drive_stays_on"
+DOUBLED: Final = 5
+"""So many more answers than questions, while a drive is configured, are of another drive of its number."""
 _MAY_ENABLE: Final = (DrivePhase.READY, DrivePhase.ENABLED)
 
 
@@ -121,6 +123,12 @@ class PhaseMachine(Generic[S]):
             self._reset = None
         elif self._reset is None:
             self._reset = FaultReset(now_s, self._settings.reset_hold_s)
+
+    def surplus(self, now_s: float, answers: int) -> None:
+        """It has given `answers` more than it was asked for."""
+        if self.phase is DrivePhase.LOGGED_ON and answers >= DOUBLED:
+            text = "answers twice what it is asked once: another drive has its number and would move too"
+            self.fault(now_s, "drive_doubled", text)
 
     def absent(self, now_s: float) -> None:
         """Wait for its log-on, in silence."""

@@ -44,12 +44,14 @@ class SlotScheduler(Generic[Q]):
         self.repeats_in_row = 0
         self.timeouts = 0
         self.unasked = 0
+        self.surplus = 0
+        """Answers less questions since the last reset."""
 
     def reset(self) -> None:
         """Forget what is in flight, as after a restart of the drive. Counters stay."""
         self._in_flight = self._again = None
         self._turn = 0
-        self.repeats_in_row = 0
+        self.repeats_in_row = self.surplus = 0
 
     def ask(self, now_s: float, first: Q | None) -> Q | None:
         """The question for this slot; `first` goes before the pattern.
@@ -72,6 +74,7 @@ class SlotScheduler(Generic[Q]):
             self._turn = (self._turn + 1) % len(self._pattern)
             self.turns += self._turn == 0
         self._in_flight, self._again, self._asked_s = question, None, now_s
+        self.surplus -= 1
         return question
 
     def answered(self, number: int, *, repeat: bool) -> Q | None:
@@ -79,6 +82,7 @@ class SlotScheduler(Generic[Q]):
 
         With `repeat` the same question goes out again in the next slot, if it insists.
         """
+        self.surplus += 1
         question = self._in_flight
         if question is None or question.number != number:
             self.unasked += 1

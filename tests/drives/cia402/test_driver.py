@@ -321,6 +321,20 @@ def test_another_drive_in_its_place_is_refused_by_name_and_taken_when_the_right_
     x.reach(DrivePhase.READY, PowerGoal.RESET)
 
 
+def test_two_drives_of_one_number_are_never_made_ready():
+    """Both would heed our process data, and two actuators move where one is led."""
+    x = Exchange()
+    answer = x.answer
+    x.answer = lambda frames: answer(
+        [f for at_s, g in frames for f in ((at_s, g), (at_s + 2e-3, g))]
+    )
+    x.reach(DrivePhase.FAULT)
+    assert x.named("drive_doubled")
+    assert "axis (node 1) answers twice" in x.error()
+    x.answer = answer
+    x.reach(DrivePhase.READY, PowerGoal.RESET)
+
+
 def test_a_device_that_is_no_servo_drive():
     x = Exchange()
     x.drives[0].objects.put((0x1000, 0), 401)

@@ -57,6 +57,19 @@ def test_a_drive_with_an_unknown_address_is_told_once_and_harms_nobody() -> None
     assert "(address 9)" in event.text
 
 
+def test_two_drives_of_one_address_are_never_made_ready() -> None:
+    x = Exchange(RIG)
+    answer, ours = x.answer, x.bus[1].frames.answer
+    x.answer = lambda frames: answer(
+        [f for at_s, g in frames for f in [(at_s, g)] * (1 + (g.can_id == ours))]
+    )
+    x.run(1.0)
+    assert x.bus[1].phase is DrivePhase.FAULT
+    (event,) = x.named("drive_doubled")
+    assert "leg2 (address 2) answers twice" in event.text
+    assert DrivePhase.FAULT not in {x.bus[0].phase, x.bus[2].phase}
+
+
 def test_a_stride_mismatch_heard_while_enabled_does_not_stop_the_rig() -> None:
     x = Exchange(RIG)
     x.enable()

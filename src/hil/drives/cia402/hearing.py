@@ -84,6 +84,7 @@ class Hearing:
             if self._machine.phase is not DrivePhase.ABSENT:
                 self._machine.answered(now_s, None)
                 self._sdo.on_answer(data)
+                self._machine.surplus(now_s, self._sdo.surplus)
         elif can_id == ids.emcy:
             self._on_emergency(now_s, data)
         else:

@@ -187,6 +187,8 @@ class SdoClient:
         self._abort: bytes | None = None
         self.unasked = 0
         """Answers that no transfer waits for."""
+        self.surplus = 0
+        """Answers less requests since the node was found."""
         self.answered = 0
         self.asked = 0
         self.timeouts = 0
@@ -215,6 +217,7 @@ class SdoClient:
             transfer.give_up("the node has begun anew")
         self._line.clear()
         self._now = self._sent = self._abort = None
+        self.surplus = 0
 
     def next_request(self, now_s: float) -> bytes | None:
         """Data of the frame to send to the node now; None while there is none. At most one a call."""
@@ -238,10 +241,12 @@ class SdoClient:
         self._sent, self._sent_s = self._now.request, now_s
         self._sends += 1
         self.asked += 1
+        self.surplus -= 1
         return self._sent
 
     def on_answer(self, data: bytes) -> None:
         """An SDO answer of the node was received."""
+        self.surplus += 1
         if self._now is None or self._sent is None or not self._now.fits(data):
             self.unasked += 1
             return

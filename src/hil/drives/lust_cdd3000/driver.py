@@ -195,6 +195,7 @@ class LustDriver:
 
     def _on_answer(self, now_s: float, answer: Answer) -> list[Sample]:
         taken = self._channel.take(answer)
+        self._machine.surplus(now_s, self._channel.slots.surplus)
         if taken is None:
             return []
         self._machine.answered(now_s, taken.quantity)
