@@ -20,7 +20,7 @@ from typing import Final, Generic, Literal, TypeVar
 from hil.drives.driver import DrivePhase, PowerGoal
 from hil.drives.fault_reset import FaultReset
 from hil.drives.phase_inputs import PhaseSettings, Preparation, Reported
-from hil.drives.power import FAULTED, PREPARED, PowerCommand, PowerState
+from hil.drives.power import FAULTED, FORCEFUL, PREPARED, PowerCommand, PowerState
 from hil.signals import Event
 
 ERROR_LENGTH: Final = 400
@@ -161,7 +161,10 @@ class PhaseMachine(Generic[S]):
         if ready and self._on_since_s is not None:
             self._enable_sent_s = now_s
             return PowerCommand.ENABLE
-        if self.started and self.phase in (DrivePhase.CONFIGURED, *_MAY_ENABLE):
+        is_stopping = (
+            self.status.power is PowerState.QUICK_STOP_ACTIVE
+        )  # which PREPARE does not end
+        if self.started and self.phase in (DrivePhase.CONFIGURED, *_MAY_ENABLE) and not is_stopping:
             return PowerCommand.PREPARE
         return PowerCommand.DISABLE
 
@@ -292,7 +295,7 @@ class PhaseMachine(Generic[S]):
         """In a fault, which hides nothing: told once for each that is latched."""
         off_s = min(self.told_off_for(now_s), now_s - self._since_s)
         is_known = now_s - self._status_s <= self._settings.status_timeout_s
-        is_on = is_known and self.status.power is PowerState.OPERATION_ENABLED
+        is_on = is_known and self.status.power in FORCEFUL
         if not is_on or off_s <= self._settings.off_timeout_s or self._on_told:
             return
         self._on_told = True

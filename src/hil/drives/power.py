@@ -55,6 +55,9 @@ FAULTED: Final = (PowerState.FAULT, PowerState.FAULT_REACTION)
 PREPARED: Final = (PowerState.READY_TO_SWITCH_ON, PowerState.SWITCHED_ON)
 """States from which one command enables the drive, and in which it makes no force."""
 
+FORCEFUL: Final = (PowerState.OPERATION_ENABLED, PowerState.QUICK_STOP_ACTIVE)
+"""States in which it makes force, and goes on with it until it is told to be off."""
+
 _QUICK_STOP_MATTERS: Final = 0x006F  # states that bit 5 tells apart
 _QUICK_STOP_FREE: Final = 0x004F  # states in which bit 5 may be anything
 

@@ -265,6 +265,23 @@ def test_a_drive_that_does_not_hear_that_it_is_to_be_off_is_left_to_its_watchdog
     x.reach(DrivePhase.ENABLED, PowerGoal.ON)
 
 
+def test_a_drive_that_stays_in_its_quick_stop_is_told_to_leave_it():
+    """With some options of 0x605A it holds for ever, and "ready to switch on" is no way out of that."""
+    x = Exchange()
+    x.enable()
+    x.run(0.05, PowerGoal.OFF)
+    drive = x.drives[0]
+    drive._power.state = PowerState.QUICK_STOP_ACTIVE
+    x.plant.set_mode(0, "position")
+    x.run(0.05, PowerGoal.OFF)
+    assert drive.power is PowerState.READY_TO_SWITCH_ON
+    assert x.plant.modes == ["off"]
+    drive._power.obey = lambda *a: None
+    drive._power.state = PowerState.QUICK_STOP_ACTIVE
+    x.run(0.6, PowerGoal.OFF)
+    assert x.named("heartbeat_stopped")
+
+
 def test_a_drive_that_is_gone_altogether_does_not_stop_the_others():
     x = Exchange(rig_of("stewart_canopen"))
     x.enable()

@@ -24,7 +24,7 @@ from hil.drives.enquiry import Enquiry
 from hil.drives.meaning import SetpointKind
 from hil.drives.phase_inputs import PhaseSettings
 from hil.drives.phases import PhaseMachine
-from hil.drives.power import PowerCommand, PowerState
+from hil.drives.power import FORCEFUL, PowerCommand, PowerState
 from hil.frames import Frame
 from hil.signals import Event, Sample
 
@@ -124,7 +124,7 @@ class Cia402Driver:
         Its process data do not reach it, or it has no SYNC; what it still hears is our heartbeat.
         """
         machine = self._machine
-        is_on = machine.status.power is PowerState.OPERATION_ENABLED
+        is_on = machine.status.power in FORCEFUL
         is_told_off = machine.told_off_for(now_s) > self._off_timeout_s
         return is_on and is_told_off and self._hearing.watch.is_heard(now_s)
 
