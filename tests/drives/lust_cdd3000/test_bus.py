@@ -112,6 +112,19 @@ def test_samples_are_stamped_with_reception_and_the_nominal_delay() -> None:
     assert gaps <= {0.02, 0.021, 0.019}, "position is known every second slot"
 
 
+def test_answers_that_come_a_slot_late_are_told_now_and_then() -> None:
+    x = Exchange(rig_of("axis"))
+    answer, ours = x.answer, x.bus[0].frames.answer
+    x.answer = lambda frames: answer([(t + 0.012 * (f.can_id == ours), f) for t, f in frames])
+    x.enable()
+    x.run(5.0, PowerGoal.ON)
+    assert x.phases() == {DrivePhase.ENABLED}
+    (event,) = x.named("drive_answers_late")
+    assert "axis answers late or twice" in event.text
+    x.run(10.0, PowerGoal.ON)
+    assert len(x.named("drive_answers_late")) == 2
+
+
 def test_lost_answers_are_asked_for_again() -> None:
     x = Exchange(RIG)
     x.enable()

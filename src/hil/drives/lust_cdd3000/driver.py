@@ -8,6 +8,8 @@ what the protocol allows; an answer to a question not asked is counted and never
 from __future__ import annotations
 
 import math
+from collections import deque
+from typing import Final
 
 from hil.config import RigFile
 from hil.drives.driver import DrivePhase, DriveStatus, PowerGoal
@@ -34,6 +36,10 @@ from hil.drives.profile import LustProfile
 from hil.errors import ProtocolError
 from hil.frames import Frame
 from hil.signals import Event, Quantity, Sample
+
+UNASKED: Final = 10
+"""So many answers in a second to nothing that is asked are told."""
+UNASKED_AGAIN_S: Final = 10.0
 
 
 class LustDriver:
@@ -75,6 +81,8 @@ class LustDriver:
         self._logged_on = False
         self._reference = 0
         self._garbage = 0
+        self._unasked: deque[float] = deque(maxlen=UNASKED)
+        self._unasked_told_s = -math.inf
 
     @property
     def phase(self) -> DrivePhase:
@@ -197,6 +205,7 @@ class LustDriver:
         taken = self._channel.take(answer)
         self._machine.surplus(now_s, self._channel.slots.surplus)
         if taken is None:
+            self._on_unasked(now_s)
             return []
         self._machine.answered(now_s, taken.quantity)
         if taken.refusal is not None:
@@ -204,6 +213,21 @@ class LustDriver:
         if taken.quantity is None:
             return []
         return [self._sample(now_s, taken.quantity, taken.value)]
+
+    def _on_unasked(self, now_s: float) -> None:
+        """One more; where they go on its answers are late, which no counter tells a person in time."""
+        times = self._unasked
+        times.append(now_s)
+        is_often = len(times) == UNASKED and now_s - times[0] < 1.0
+        if not is_often or now_s - self._unasked_told_s < UNASKED_AGAIN_S:
+            return
+        self._unasked_told_s = now_s
+        text = (
+            f"{self.name} answers late or twice: {UNASKED} answers within a second to nothing that was asked "
+            "then; its positions may be older than their stamps and come in every second slot only. Compare "
+            "timing.answer_wait and bus.cycle with what it needs"
+        )
+        self._machine.events.append(Event(now_s, "warning", "drive_answers_late", text))
 
     def _sample(self, now_s: float, quantity: Quantity, value: float) -> Sample:
         return Sample(self.name, quantity, value, now_s - self._answer_delay_s, now_s)
