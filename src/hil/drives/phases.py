@@ -69,6 +69,7 @@ class PhaseMachine(Generic[S]):
         self._status_s = 0.0
         self._on_since_s: float | None = None
         self._enable_sent_s = -math.inf
+        self._off_since_s: float | None = None
         self._on_told = False
         self._reset: FaultReset | None = None
 
@@ -155,11 +156,18 @@ class PhaseMachine(Generic[S]):
 
     def command(self, now_s: float) -> PowerCommand:
         """The command of this slot. ENABLE comes from here alone, never before the watchdog is verified."""
+        command = self._command(now_s)
+        if command is PowerCommand.ENABLE:
+            self._enable_sent_s, self._off_since_s = now_s, None
+        elif self._off_since_s is None:
+            self._off_since_s = now_s
+        return command
+
+    def _command(self, now_s: float) -> PowerCommand:
         if self.phase is DrivePhase.FAULT:
             return PowerCommand.DISABLE if self._reset is None else self._reset.command(now_s)
         ready = self.phase in _MAY_ENABLE and self.started and self._configuration.watchdog_ok
         if ready and self._on_since_s is not None:
-            self._enable_sent_s = now_s
             return PowerCommand.ENABLE
         is_stopping = (
             self.status.power is PowerState.QUICK_STOP_ACTIVE
@@ -197,8 +205,8 @@ class PhaseMachine(Generic[S]):
             self._enter(now_s, DrivePhase.READY)
 
     def told_off_for(self, now_s: float) -> float:
-        """How long it has not been told to make force, s."""
-        return now_s - self._enable_sent_s
+        """How long it has been told to make no force, s; a loop that stood still has told it nothing."""
+        return 0.0 if self._off_since_s is None else now_s - self._off_since_s
 
     @property
     def resetting(self) -> bool:
@@ -279,8 +287,7 @@ class PhaseMachine(Generic[S]):
             return "enpo_lost", f"has lost its hardware enable {settings.enable_input}"
         if not self.referenced:
             return "reference_lost", "is not referenced any more: its position means nothing"
-        is_told_off = self._on_since_s is None
-        if is_told_off and self.told_off_for(now_s) > settings.off_timeout_s:
+        if self.told_off_for(now_s) > settings.off_timeout_s:
             return STAYS_ON, self._stays_on
         return None
 

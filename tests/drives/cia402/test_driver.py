@@ -282,6 +282,19 @@ def test_a_drive_that_stays_in_its_quick_stop_is_told_to_leave_it():
     assert x.named("heartbeat_stopped")
 
 
+def test_a_loop_that_stood_still_has_not_told_the_drive_to_be_off():
+    x = Exchange(rig_of(safety={"drive_watchdog": 0.5}))
+    x.enable()
+    x.master_speaks = False
+    x.run(0.4)
+    x.inject(Frame(IDS.heartbeat, b"\x05"))
+    x.master_speaks = True
+    x.run(0.1, PowerGoal.ON)
+    assert x.named("drive_silent")
+    assert x.named("heartbeat_stopped") == x.named("drive_stays_on") == []
+    assert x.plant.modes == ["off"]
+
+
 def test_a_drive_that_is_gone_altogether_does_not_stop_the_others():
     x = Exchange(rig_of("stewart_canopen"))
     x.enable()
