@@ -62,13 +62,15 @@ def test_how_late_a_drives_own_clock_was_started_is_read_from_the_record(frames)
 FAST = load_rig("axis_canopen")
 
 
-def at_sync_record(ticks=None, seed=3):
-    """A fast axis whose frames are sent with jitter and act at SYNC, at `ticks` of its drive's own clock."""
+def at_sync_record(ticks=None, seed=3, late=()):
+    """A fast axis whose frames are sent with jitter and act at SYNC, at `ticks` of its drive's own clock; the
+    frames numbered `late` act a tick after that."""
     rng = np.random.default_rng(seed)
     due = np.arange(0.0, 12.0, FAST.bus.cycle)
     told = 0.1 * np.sin(2.0 * np.pi * 0.6 * due) * np.clip(due, 0.0, 1.0)
     stamps = dict.fromkeys(("axis.position", "axis.force"), due + FAST.bus.answer_delay)
-    acts = acting(FAST, due, ticks)
+    acts = np.array(acting(FAST, due, ticks))
+    acts[list(late)] += FAST.bus.position_loop
     samples = {}
     for s, v in Twin(FAST, smooth=True).replay({"axis": (acts, told)}, stamps).items():
         noise = 4.0 if s.endswith("force") else 1e-6
@@ -96,6 +98,28 @@ def test_a_drive_that_gets_late_and_is_early_again_has_a_clock_of_its_own():
     clock = find_clocks(problem)[0, "axis"]
     assert clock.ticks.rate == pytest.approx(3e-5, abs=2e-6)
     assert worst_n(problem, {(0, "axis"): clock}) < 4.5
+
+
+def test_frames_that_act_a_tick_after_their_fellows_are_told_by_their_kicks():
+    late = np.random.default_rng(9).choice(np.arange(1500, 11000), 300, replace=False)
+    problem = at_sync_record(late=late)
+    (clock,) = find_clocks(problem).values()
+    sent = problem.sent[0].setpoints["axis"][0]
+    found = set(np.flatnonzero(np.isin(sent, clock.late)))
+    assert len(found - set(late)) <= 3
+    assert len(found & set(late)) > 250  # others move too slowly, or come one after the other
+    assert worst_n(problem, {(0, "axis"): clock}) < 0.25 * worst_n(
+        problem, {(0, "axis"): AtSync(FAST.bus.cycle)}
+    )
+
+
+def test_a_piece_of_a_record_has_the_late_frames_that_were_sent_in_it():
+    synced = AtSync(FAST.bus.cycle, late=(0.003, 0.007))
+    sent = np.arange(0.0, 0.01, FAST.bus.cycle)
+    whole = acting(FAST, np.round(sent, 6), synced)
+    part = acting(FAST, np.round(sent[5:], 6), synced)
+    np.testing.assert_allclose(part, whole[5:], atol=1e-12)
+    assert np.count_nonzero(np.diff(whole) > 1.1 * FAST.bus.cycle) == 2
 
 
 def test_targets_that_act_as_they_come_are_left_so():

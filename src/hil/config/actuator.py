@@ -96,6 +96,9 @@ class Actuator(Settings):
     reflected_mass: NonNegative = Field(description="rotor inertia seen at the output, kg or kg·m²")
     viscous: NonNegative = Field(description="viscous friction, N·s/m")
     coulomb: NonNegative = Field(description="Coulomb friction, N")
+    presliding: NonNegative = Field(
+        0.0, description="way within which Coulomb friction builds up, m; 0: at once"
+    )
     velocity_max: Positive = Field(description="fastest the drive moves it, m/s")
     force_max: Positive = Field(description="largest force of the drive, N")
     acceleration_max: Positive = Field(

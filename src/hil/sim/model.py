@@ -110,6 +110,7 @@ def _pack_actuators(rig: RigFile) -> Array:
             (lay.A_VISCOUS, a.viscous),
             (lay.A_COULOMB_POS, a.coulomb),
             (lay.A_COULOMB_NEG, a.coulomb),
+            (lay.A_PRESLIDING, a.presliding),
             (lay.A_VMAX, a.velocity_max),
             (lay.A_FMAX, a.force_max),
             (lay.A_LOWER, a.stroke[0]),
@@ -185,7 +186,7 @@ def apply_parameters(base, p, out):  # type: ignore[no-untyped-def]
         x = p[i * lay.ACTUATOR_BLOCK : i * lay.ACTUATOR_BLOCK + lay.ACTUATOR_SIZE]
         act[lay.A_COULOMB_POS, i] += x[lay.P_COULOMB] + x[lay.P_ASYM_POS]
         act[lay.A_COULOMB_NEG, i] += x[lay.P_COULOMB] + x[lay.P_ASYM_NEG]
-        act[lay.A_PRESLIDING, i] = x[lay.P_PRESLIDING]
+        act[lay.A_PRESLIDING, i] += x[lay.P_PRESLIDING]
         viscous = act[lay.A_VISCOUS, i] + x[lay.P_VISCOUS]
         ahead = max(viscous + x[lay.P_ASYM_VISCOUS_POS], 0.0)
         back = max(viscous + x[lay.P_ASYM_VISCOUS_NEG], 0.0)

@@ -220,10 +220,8 @@ class Boot:
     def _pdos(self) -> Steps:
         assert self.mode is not None
         ids, type_ = self._wanted.ids, AT_EVERY_SYNC if self._wanted.is_synchronous else AT_ONCE
-        for (
-            index,
-            sub,
-        ) in self._wanted.profile.objects.entries:  # only what is mapped here may travel
+        # only what is mapped here may travel
+        for index, sub in self._wanted.profile.objects.entries:
             if sub == 1 and (0x1401 <= index < 0x1600 or 0x1801 <= index < 0x1A00):
                 yield from self._disable(index)
         yield from self._map(0x1400, 0x1600, ids.rpdo, type_, rpdo(self.mode))

@@ -10,6 +10,8 @@
   that they do is half a cycle later and smoother.
 - Drives feed the static force forward beside their cascade (law "cascade_static"). Their integrators have
   less to do, so that a load that changes with the pose leaves less of an error in the position.
+- Friction builds up within some micrometres, for what rubs bends before it slips. On a bus of a few
+  milliseconds forces and encoders are fine enough to show that at each reversal.
 - Legs weigh something. Most rig files take them for massless; of two times 1 kg a leg a platform of 450 kg
   takes 1.3 % more force.
 
@@ -27,12 +29,15 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.config import Actuator, LegMass, RigFile
 from hil.gap.located.residual import cost, counted
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.record.problem import Problem
+
+Array = NDArray[np.float64]
 
 EARLY: Final = 0.4
 """Of a tick of the position loop, by which all drives seem early, half of them more, where they may lead."""
@@ -46,6 +51,11 @@ TOLD: Final = 0.001
 platform of 450 kg 0.0014 and 0.007, legs that weigh nothing 8e-5 at most]."""
 LEGS: Final = 0.05
 """Of the platform's mass, what all legs together weigh where the share of their habit is 1 [R]."""
+BENDS_M: Final = 2e-5
+"""m or rad within which friction builds up where the share of that habit is 1 [R: bristles of rolling guides
+and screws bend by 5 to 50 µm]."""
+BENT: Final = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
+"""Shares of that which are tried."""
 HEAVIEST: Final = 2.0
 """Such shares from which on legs are no trifle that a rig file leaves out."""
 
@@ -72,6 +82,8 @@ class Habit:
     """Of what calibration leaves, in energy, that it must explain."""
     asked: Callable[[Located], float] | None = None
     """What says how much of it a record seems to hold, where no linear question does."""
+    sizes: tuple[float, ...] = ()
+    """Shares that are tried, where what it changes does not go in proportion to its share."""
     is_unlike: bool = False
     """Whether no effect does the like: where a twin with it leaves no gap, none is weighed against it."""
 
@@ -131,6 +143,16 @@ def _may_feed(rig: RigFile) -> bool:
 
 def _feeding(rig: RigFile, _: float) -> RigFile:
     actuators = (a.model_copy(update={"law": "cascade_static"}) for a in rig.actuators)
+    return rig.model_copy(update={"actuators": tuple(actuators)})
+
+
+def _may_bend(rig: RigFile) -> bool:
+    """Where forces come every few milliseconds: in slots of 10 ms all of it is over between two of them."""
+    return rig.bus.schedule == "fast" and not any(a.presliding for a in rig.actuators)
+
+
+def _bending(rig: RigFile, share: float) -> RigFile:
+    actuators = (a.model_copy(update={"presliding": share * BENDS_M}) for a in rig.actuators)
     return rig.model_copy(update={"actuators": tuple(actuators)})
 
 
@@ -204,6 +226,18 @@ FEEDS: Final = Habit(
 )  # fmt: skip
 
 
+BENDS: Final = Habit(
+    "actuators.presliding", "friction that builds up within micrometres", _may_bend, _bending,
+    lambda twin: (
+        f"friction seems to build up within {1e6 * twin.actuators[0].presliding:.0f} µm (or µrad), for what "
+        "rubs bends before it slips: that of the twin does so"
+    ),
+    told=0.01,
+    sizes=BENT,
+    is_unlike=True,
+)  # fmt: skip
+
+
 def _weighs(is_fed: bool, may: Callable[[RigFile], bool], and_drives: str) -> Habit:
     return Habit(
         "actuators.leg", f"legs that weigh something, {and_drives}", may, partial(_weighing, is_fed),
@@ -217,7 +251,7 @@ def _weighs(is_fed: bool, may: Callable[[RigFile], bool], and_drives: str) -> Ha
 
 WEIGHS: Final = _weighs(True, _may_weigh, "and drives reckon with it")
 LOADS: Final = _weighs(False, _may_load, "and drives do not know of it")
-HABITS: Final = (RESTS, LEADS, FEEDS, WEIGHS, LOADS)
+HABITS: Final = (RESTS, LEADS, FEEDS, BENDS, WEIGHS, LOADS)
 """Those that a record is asked for by their share."""
 
 
@@ -230,26 +264,36 @@ def share_of(habit: Habit, located: Located) -> float:
         return 0.0
     if habit.asked is not None:
         return habit.asked(located)
-    other = Problem(
-        habit.twin(problem.rig, 1.0), problem.sent, clocks=problem.clocks, settle_s=problem.settle_s
-    )
-    change = other.predict(e.vector)[0] - problem.predict(e.vector)[0]
     kept = problem.kept
     white = noise.whiten(problem, e.residual)[kept]
     spread = max(1.0, 1.4826 * float(np.median(np.abs(white))))
     counts = np.sqrt(counted(white / spread))
     sd = np.array([f.prior_sd for f in located.nuisances])
-    columns = [noise.whiten(problem, change)[kept], noise.whiten(problem, e.jacobian)[kept] * sd]
-    a, b = np.column_stack(columns) * counts[:, None], white * counts
+    nuisances = noise.whiten(problem, e.jacobian)[kept] * sd * counts[:, None]
     known = [not f.name.endswith(habit.free) for f in located.nuisances]
-    prior = problem.discount * np.diag([0.0, *np.asarray(known, dtype=float)])
-    normal, right = a.T @ a + prior, a.T @ b
-    with_it = np.linalg.lstsq(normal, right, rcond=None)[0]
-    without = np.linalg.lstsq(normal[1:, 1:], right[1:], rcond=None)[0]
-    left = float(np.sum((b - a @ with_it) ** 2))
-    before = float(np.sum((b - a[:, 1:] @ without) ** 2))
-    share = float(with_it[0])
-    is_held = abs(share) > HELD and left < (1.0 - habit.told) * before
+    prior = problem.discount * np.diag(np.asarray(known, dtype=float))
+    base, rest = problem.predict(e.vector)[0], white * counts
+
+    def changed(share: float) -> Array:
+        other = Problem(
+            habit.twin(problem.rig, share), problem.sent,
+            clocks=problem.clocks, settle_s=problem.settle_s,
+        )  # fmt: skip
+        return noise.whiten(problem, other.predict(e.vector)[0] - base)[kept] * counts
+
+    def left(columns: Array, aim: Array, held: Array) -> tuple[float, Array]:
+        found = np.linalg.lstsq(columns.T @ columns + held, columns.T @ aim, rcond=None)[0]
+        return float(np.sum((aim - columns @ found) ** 2)), np.asarray(found, dtype=float)
+
+    before, _ = left(nuisances, rest, prior)
+    if habit.sizes:
+        tried = [(left(nuisances, rest - changed(s), prior)[0], s) for s in habit.sizes]
+        least, share = min(tried)
+    else:
+        with_it = np.column_stack([changed(1.0), nuisances])
+        least, found = left(with_it, rest, np.pad(prior, ((1, 0), (1, 0))))
+        share = float(found[0])
+    is_held = abs(share) > HELD and least < (1.0 - habit.told) * before
     return share if is_held and habit.shares[0] <= share <= habit.shares[1] else 0.0
 
 

@@ -40,6 +40,8 @@ class AtSync:
     cycle_s: float
     ticks: Ticks | None = None
     """Of its own clock, where it acts at the first of those after SYNC."""
+    late: tuple[float, ...] = ()
+    """When the frames were sent that act a tick after that, s."""
 
     def regular(self, t: Array) -> Array:
         """Send instants (K,) without what they jitter by: a straight line through the cycles they fall in."""
@@ -59,7 +61,8 @@ def acting(rig: RigFile, t_sent: Array, ticks: Ticks | AtSync | None) -> Array:
     if ticks is None:
         return t_sent
     if isinstance(ticks, AtSync):
-        return acting(rig, ticks.regular(t_sent), ticks.ticks)
+        waited = rig.bus.position_loop * np.isin(t_sent, ticks.late)
+        return acting(rig, ticks.regular(t_sent) + waited, ticks.ticks)
     if rig.bus.retimed:  # the first frame starts the drive's clock, and all act by that
         return np.asarray(t_sent + ticks.late_s)
     tick, delay = rig.bus.position_loop, rig.bus.setpoint_delay

@@ -1,0 +1,90 @@
+"""Setpoints that come just too late: a frame that waits for the bus acts a tick after its fellows.
+
+No stamp tells how long a frame waited. But a drive that takes a setpoint a tick late answers with a kick of
+force, at an instant and of a shape that the twin knows: each frame is asked whether its kick is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.gap.record.problem import Problem
+from hil.gap.record.ticks import AtSync
+
+Array = NDArray[np.float64]
+Synced = dict[tuple[int, str], AtSync]
+
+APART: Final = 8
+"""Every so many frames are late in one replay, whose kicks then do not meet."""
+LASTS: Final = 4
+"""Cycles in which a kick is looked for: what comes after them is small."""
+ONE: Final = (0.5, 1.7)
+"""Times the twin's kick that a kick must be: a frame that was lost makes one several times as large."""
+SURE: Final = 6.0
+"""Nats that must speak for a frame's kick: of the thousands of a record none is there by chance."""
+ROUNDS: Final = 3
+"""In each a frame is asked beside what is known of its neighbours."""
+FEW: Final = 10
+"""Late frames of a drive up to which they are no habit of its bus."""
+
+
+def with_latecomers(
+    problem: Problem, found: Mapping[tuple[int, str], AtSync], vector: Array
+) -> Synced:
+    """The same drives, each with the frames that its force says to have acted a tick late.
+
+    `vector` (P,): the twin that they are looked at beside.
+    """
+    out = dict(found)
+    if not out:
+        return out
+    sent = {key: problem.sent[key[0]].setpoints[key[1]][0] for key in out}
+    base = problem.with_clocks(out).predict(vector)[0]
+    kicks = []
+    for m in range(APART):
+        some = {key: replace(s, late=tuple(sent[key][m::APART].tolist())) for key, s in out.items()}
+        kicks.append(problem.with_clocks(some).predict(vector)[0] - base)
+    for x in problem.series:
+        key = (x.stretch, x.actuator)
+        if x.quantity == "force" and key in found:
+            own = [k[x.part] for k in kicks]
+            left = np.where(problem.kept[x.part], problem.measured[x.part] - base[x.part], 0.0)
+            due = found[key].regular(sent[key])
+            late = _late(problem.t_s[x.part], left, own, due, found[key].cycle_s)
+            if len(late) > FEW:
+                out[key] = replace(found[key], late=tuple(sent[key][late].tolist()))
+    return out
+
+
+def _late(t: Array, left: Array, kicks: list[Array], sent: Array, cycle_s: float) -> list[int]:
+    """Numbers of the frames sent at `sent` (K,) whose kick stands in what is `left` (N,) at `t` (N,)."""
+    step = np.diff(left)
+    noise = (1.4826 * float(np.median(np.abs(step)))) ** 2
+    if noise == 0.0:
+        return []
+    shapes = [np.diff(k) for k in kicks]
+    first = np.searchsorted(t, sent)
+    last = np.searchsorted(t, sent + LASTS * cycle_s)
+    late: set[int] = set()
+    for _ in range(ROUNDS):
+        before = set(late)
+        for k in range(len(sent)):
+            part = slice(max(first[k] - 1, 0), last[k])
+            d = shapes[k % APART][part]
+            own = float(d @ d)
+            there = step[part] + (d if k in late else 0.0)
+            along = float(there @ d)
+            is_late = (
+                own > 0.0 and ONE[0] < along / own < ONE[1] and along**2 > 2.0 * SURE * noise * own
+            )
+            if is_late != (k in late):
+                step[part] += d if k in late else -d
+                (late.add if is_late else late.discard)(k)
+        if late == before:
+            break
+    return sorted(late)
