@@ -5,7 +5,8 @@ import pytest
 
 from hil.configfile import load_rig
 from hil.gap import diagnose
-from hil.gap.located.habits import BENDS, BENDS_M, FEEDS, LOADS, RESTS, WEIGHS, share_of
+from hil.gap.located.habit import share_of
+from hil.gap.located.habits import BENDS, BENDS_M, FEEDS, LOADS, RESTS, WEIGHS
 from hil.gap.located.locate import locate
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record

@@ -9,7 +9,8 @@ from hil.config import LegMass
 from hil.configfile import load_rig
 from hil.exam.world import Scatter, build_world, play
 from hil.gap.diagnose import diagnose
-from hil.gap.located.habits import FEEDS, LEADS, LEGS, LOADS, RESTS, WEIGHS, share_of
+from hil.gap.located.habit import share_of
+from hil.gap.located.habits import FEEDS, LEADS, LEGS, LOADS, RESTS, WEIGHS
 from hil.gap.located.locate import locate
 from hil.gap.record.runs import as_runs
 from tests.exam.worlds import sway

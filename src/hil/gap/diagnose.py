@@ -31,7 +31,8 @@ from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.older import as_it_was
 from hil.gap.judged.ticked import clocks_beside
 from hil.gap.judged.verdict import answer, stands
-from hil.gap.located.habits import DRAWS, HABITS, LEADS, Habit, leaves_less, share_of
+from hil.gap.located.habit import Habit, leaves_less, share_of
+from hil.gap.located.habits import DRAWS, HABITS, LEADS
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding, check_runs

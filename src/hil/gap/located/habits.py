@@ -15,40 +15,24 @@
 - Legs weigh something. Most rig files take them for massless; of two times 1 kg a leg a platform of 450 kg
   takes 1.3 % more force.
 
-A record is asked how much of the difference that a habit makes it holds. Where that is nothing, the rig has
-no such habit; where it is something, both twins are worth a look. What drives make of forces they answer
-themselves (`hil.gap.record.lines`).
+What drives make of forces they answer themselves (`hil.gap.record.lines`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.config import Actuator, LegMass, RigFile
-from hil.gap.located.residual import cost, counted
+from hil.gap.located.habit import HELD, Habit
 from hil.gap.located.result import Located
-from hil.gap.located.sanity import Finding
-from hil.gap.record.problem import Problem
-
-Array = NDArray[np.float64]
 
 EARLY: Final = 0.4
 """Of a tick of the position loop, by which all drives seem early, half of them more, where they may lead."""
-LESS: Final = 6.0
-"""Nats by which references must be explained better with a habit, to have it."""
-HELD: Final = 0.1
-"""Share of a habit, either way (when within a cycle force is sampled is not told exactly), from which on a
-record may hold it [set on tuning seeds: 0.03 at most where drives do not rest and nothing is viscous]."""
-TOLD: Final = 0.001
-"""Of what calibration leaves, in energy, that it must explain [set on tuning seeds: legs of 2.5 kg on a
-platform of 450 kg 0.0014 and 0.007, legs that weigh nothing 8e-5 at most]."""
 LEGS: Final = 0.05
 """Of the platform's mass, what all legs together weigh where the share of their habit is 1 [R]."""
 BENDS_M: Final = 2e-5
@@ -58,49 +42,6 @@ BENT: Final = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
 """Shares of that which are tried."""
 HEAVIEST: Final = 2.0
 """Such shares from which on legs are no trifle that a rig file leaves out."""
-
-
-@dataclass(frozen=True, slots=True)
-class Habit:
-    """One habit: what it is in a rig file, and what the reader is told of it."""
-
-    key: str
-    """In a rig file: "table.key", of every actuator where the table is theirs."""
-    step: str
-    """What is done once more, in words."""
-    may: Callable[[RigFile], bool]
-    """Whether a rig file could have it and has not."""
-    twin: Callable[[RigFile, float], RigFile]
-    """The rig file with it, of so large a share where it has a size."""
-    text: Callable[[RigFile], str]
-    """What is said of a rig whose twin is that."""
-    free: tuple[str, ...] = ()
-    """Endings of the nuisances that it moves of itself: they are free where a record is asked."""
-    shares: tuple[float, float] = (-math.inf, math.inf)
-    """Which ones can be."""
-    told: float = TOLD
-    """Of what calibration leaves, in energy, that it must explain."""
-    asked: Callable[[Located], float] | None = None
-    """What says how much of it a record seems to hold, where no linear question does."""
-    sizes: tuple[float, ...] = ()
-    """Shares that are tried, where what it changes does not go in proportion to its share."""
-    is_unlike: bool = False
-    """Whether no effect does the like: where a twin with it leaves no gap, none is weighed against it."""
-
-    def found(self, twin: RigFile) -> Finding:
-        """What the reader must know where a rig was found to have it, as `twin` has."""
-        return Finding("warning", self.key, self.text(twin), belongs=self._value(twin))
-
-    def _value(self, twin: RigFile) -> Any:
-        table, key = self.key.split(".")
-        owner = getattr(twin, table)
-        if isinstance(owner, tuple):
-            return [_plain(getattr(x, key)) for x in owner]
-        return _plain(getattr(owner, key))
-
-
-def _plain(value: Any) -> Any:
-    return value.model_dump() if isinstance(value, LegMass) else value
 
 
 def _may_rest(rig: RigFile) -> bool:
@@ -253,56 +194,3 @@ WEIGHS: Final = _weighs(True, _may_weigh, "and drives reckon with it")
 LOADS: Final = _weighs(False, _may_load, "and drives do not know of it")
 HABITS: Final = (RESTS, LEADS, FEEDS, BENDS, WEIGHS, LOADS)
 """Those that a record is asked for by their share."""
-
-
-def share_of(habit: Habit, located: Located) -> float:
-    """How much of what a habit would do differently what calibration left holds, beside all that the
-    nuisances may do; 0 where it seems to be nothing."""
-    e = located.evidence
-    problem, noise = e.problem, e.noise
-    if not habit.may(problem.rig):
-        return 0.0
-    if habit.asked is not None:
-        return habit.asked(located)
-    kept = problem.kept
-    white = noise.whiten(problem, e.residual)[kept]
-    spread = max(1.0, 1.4826 * float(np.median(np.abs(white))))
-    counts = np.sqrt(counted(white / spread))
-    sd = np.array([f.prior_sd for f in located.nuisances])
-    nuisances = noise.whiten(problem, e.jacobian)[kept] * sd * counts[:, None]
-    known = [not f.name.endswith(habit.free) for f in located.nuisances]
-    prior = problem.discount * np.diag(np.asarray(known, dtype=float))
-    base, rest = problem.predict(e.vector)[0], white * counts
-
-    def changed(share: float) -> Array:
-        other = Problem(
-            habit.twin(problem.rig, share), problem.sent,
-            clocks=problem.clocks, settle_s=problem.settle_s,
-        )  # fmt: skip
-        return noise.whiten(problem, other.predict(e.vector)[0] - base)[kept] * counts
-
-    def left(columns: Array, aim: Array, held: Array) -> tuple[float, Array]:
-        found = np.linalg.lstsq(columns.T @ columns + held, columns.T @ aim, rcond=None)[0]
-        return float(np.sum((aim - columns @ found) ** 2)), np.asarray(found, dtype=float)
-
-    before, _ = left(nuisances, rest, prior)
-    if habit.sizes:
-        tried = [(left(nuisances, rest - changed(s), prior)[0], s) for s in habit.sizes]
-        least, share = min(tried)
-    else:
-        with_it = np.column_stack([changed(1.0), nuisances])
-        least, found = left(with_it, rest, np.pad(prior, ((1, 0), (1, 0))))
-        share = float(found[0])
-    is_held = abs(share) > HELD and least < (1.0 - habit.told) * before
-    return share if is_held and habit.shares[0] <= share <= habit.shares[1] else 0.0
-
-
-def leaves_less(other: Located, located: Located) -> bool:
-    """Whether another twin leaves less of the same references by LESS nats, calibrated as it is."""
-    e = located.evidence
-
-    def left(x: Located) -> float:
-        z = np.array([f.change / f.prior_sd for f in x.nuisances])
-        return cost(e.noise.whiten(e.problem, x.evidence.residual), z, e.problem.discount)
-
-    return left(other) < left(located) - LESS
