@@ -20,10 +20,11 @@ from hil.config import RigFile
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
 from hil.gap.catalogue.sprung import BEND_HZ, SOFTER_HZ, sprung_twin
-from hil.gap.fits.evidence import explains_better
+from hil.gap.fits.evidence import explains_better, weigh
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Split, split
 from hil.gap.fits.rounded import rounded
+from hil.gap.fits.shares import RARE, explained, most_left
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.rounding import coarse_steps
 from hil.gap.judged.calmer import calmed
@@ -48,6 +49,8 @@ Report = Callable[[str], None]
 
 SPRINGY: Final = ("compliance", "loop_gain")
 """What transmissions that give a little look like to a twin whose do not."""
+ALL: Final = 0.95
+"""Share of the gap from which on what explains it leaves nothing to ticks and habits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +147,8 @@ def consider(
         located, usual = _as_usual(loaded, located, seed, may_draw=UNTOLD < nats <= CLEAR)
         habits += usual
     mine, parts = _considered(located, nuisances, without, seed, say)
-    if mine.is_large and (clocks := clocks_beside(located, mine.calibrated, mine.fits)):
+    may_tick = mine.is_large and not _explains_all(mine)
+    if may_tick and (clocks := clocks_beside(located, mine.calibrated, mine.fits)):
         say("once more with the drives' ticks where the best fit shows them")
         anew = locate(
             loaded, mine.rig, nuisances=nuisances, healthy=found, clocks=clocks, seed=seed
@@ -153,6 +157,8 @@ def consider(
         if explains_better(mine.calibrated, mine.fits, other.fits):
             mine = other
     for habit in HABITS if not healthy else ():
+        if habit.is_unlike and _explains_all(mine):
+            continue
         share = share_of(habit, mine.located)
         if share == 0.0:
             continue
@@ -231,6 +237,14 @@ def _as_usual(
             if not other.is_gap:
                 return other, [(habit, share)]
     return located, []
+
+
+def _explains_all(found: Considered) -> bool:
+    """Whether the best fit leaves nothing of the gap: then no ticks, and no habit that no effect is like, can
+    explain it better."""
+    c, none = found.calibrated, found.fits[0]
+    best = weigh(c, found.fits)[0][0].fit
+    return bool(best.leaves) and explained(c, none, best) > ALL and most_left(c, best) < RARE
 
 
 def _springs_found(bend_hz: float) -> Finding:
