@@ -51,7 +51,7 @@ def with_latecomers(
         kicks.append(problem.with_clocks(some).predict(vector)[0] - base)
     for x in problem.series:
         key = (x.stretch, x.actuator)
-        if x.quantity == "force" and key in found:
+        if x.quantity in ("force", "current") and key in found and not out[key].late:
             own = [k[x.part] for k in kicks]
             left = np.where(problem.kept[x.part], problem.measured[x.part] - base[x.part], 0.0)
             due = found[key].regular(sent[key])

@@ -141,7 +141,11 @@ class Search:
                     found.append(self._found(Proposal(leaves, parts, gain, self._z), moves, index))
         found.sort(key=lambda x: -x[0].gain)
         few = found[: MANY if self._is_finite(leaves) else FEW]
-        real = [(replace(p, gain=self._worth(p)), shift, drag) for p, shift, drag in few]
+        gains = self._worth([p for p, *_ in few])
+        real = [
+            (replace(p, gain=g), shift, drag)
+            for g, (p, shift, drag) in zip(gains, few, strict=True)
+        ]
         if not real:
             return None
         real.sort(key=lambda x: -x[0].gain)
@@ -175,7 +179,7 @@ class Search:
         ends = np.cumsum([len(a) for _, a in p.starts])[:-1]
         parts = zip([s for s, _ in p.starts], np.split(x[n:], ends), strict=True)
         new = replace(p, starts=tuple(parts), z=self._z + x[:n])
-        return replace(new, gain=self._worth(new)), x[:n], np.zeros((n, len(index)))
+        return self._judged(new), x[:n], np.zeros((n, len(index)))
 
     def _index(self, p: Proposal) -> list[int]:
         """Columns of a proposal."""
@@ -199,22 +203,28 @@ class Search:
         z = np.clip(self._z + shift - drag @ a, -LIMIT, LIMIT)
         ends = np.cumsum([len(x) for _, x in p.starts])[:-1]
         starts = tuple((s, x) for (s, _), x in zip(p.starts, np.split(a, ends), strict=True))
-        new = Proposal(p.leaves, starts, 0.0, z)
-        new = replace(new, gain=self._worth(new))
-        return max(p, new, key=lambda x: x.gain)
+        return max(p, self._judged(Proposal(p.leaves, starts, 0.0, z)), key=lambda x: x.gain)
 
     def _is_finite(self, leaves: tuple[int, ...]) -> bool:
         """Whether a leaf alone is one that squares misjudge: its starts themselves are worth a look."""
         return len(leaves) == 1 and self.bank.leaves[leaves[0]].effect in NEAR | LIMITS
 
-    def _worth(self, p: Proposal) -> float:
-        """Robust gain (nats of the loss that fits use) of a proposal, nuisances along with it."""
-        change = self._A @ (p.z - self._z)
-        for k, (s, a) in zip(p.leaves, p.starts, strict=True):
-            change += self._T[:, list(self.bank.places[k][s])].astype(float) @ a
-        after = float(np.sum(loss((self._white - change) / self._spread)))
-        held = 0.5 * self._held * (self._z @ self._z - p.z @ p.z)
-        return float(self._spread**2 * (self._before - after) + held)
+    def _judged(self, p: Proposal) -> Proposal:
+        return replace(p, gain=self._worth([p])[0])
+
+    def _worth(self, proposals: Sequence[Proposal]) -> list[float]:
+        """Robust gain (nats of the loss that fits use) of each proposal, nuisances along with it."""
+        if not proposals:
+            return []
+        moves = np.array([p.z - self._z for p in proposals]) @ self._A.T
+        gains = []
+        for change, p in zip(moves, proposals, strict=True):
+            a = np.concatenate([a for _, a in p.starts])
+            left = self._white - change - self._T[:, self._index(p)].astype(float) @ a
+            after = float(np.sum(loss(left / self._spread)))
+            held = 0.5 * self._held * float(self._z @ self._z - p.z @ p.z)
+            gains.append(self._spread**2 * (self._before - after) + held)
+        return gains
 
     def _bounds(self, leaves: Sequence[int], counts: Sequence[int]) -> tuple[Array, Array]:
         """What each effect allows of the amplitudes of its `counts` columns."""
