@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from hil.configfile import load_rig
-from hil.gap import diagnose
 from hil.gap.located.habit import share_of
-from hil.gap.located.habits import BENDS, BENDS_M, FEEDS, LOADS, RESTS, WEIGHS
+from hil.gap.located.habits import BENDS, FEEDS, LOADS, RESTS, WEIGHS
 from hil.gap.located.locate import locate
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
@@ -90,13 +89,6 @@ def test_friction_that_builds_up_within_micrometres_is_seen_on_a_fast_bus():
     found = locate(record(rig=BENDS.twin(FAST, 1.0)), FAST)
     assert 0.7 <= share_of(BENDS, found) <= 1.4
     assert not share_of(BENDS, locate(record(rig=FAST), FAST))
-
-
-def test_such_a_rig_is_healthy_and_what_it_has_is_said():
-    found = diagnose(record(rig=BENDS.twin(FAST, 1.0)), FAST)
-    assert found.verdict == "no_gap"
-    (finding,) = [f for f in found.located.findings if f.subject == "actuators.presliding"]
-    assert finding.belongs == [pytest.approx(BENDS_M, rel=0.5)]
 
 
 def test_only_friction_that_acts_at_once_and_is_read_often_is_asked_whether_it_bends():

@@ -10,7 +10,7 @@ from hil.configfile import load_rig
 from hil.exam.world import Scatter, build_world, play
 from hil.gap.diagnose import diagnose
 from hil.gap.located.habit import share_of
-from hil.gap.located.habits import FEEDS, LEADS, LEGS, LOADS, RESTS, WEIGHS
+from hil.gap.located.habits import BENDS, BENDS_M, FEEDS, LEADS, LEGS, LOADS, RESTS, WEIGHS
 from hil.gap.located.locate import locate
 from hil.gap.record.runs import as_runs
 from tests.exam.worlds import sway
@@ -150,3 +150,11 @@ def test_a_screw_of_three_newtons_a_micrometre_is_not():
     answer = diagnose(record(spring(3e6), rig=QUIET), QUIET)
     assert named(answer) == [("compliance", "axis")]
     assert 2.5e6 < answer.effects[0].parameters["stiffness"].value < 3.5e6
+
+
+def test_friction_that_builds_up_within_micrometres_is_no_gap_and_is_said():
+    fast = load_rig("axis_canopen")
+    found = diagnose(record(rig=BENDS.twin(fast, 1.0)), fast)
+    assert found.verdict == "no_gap"
+    (finding,) = [f for f in found.located.findings if f.subject == "actuators.presliding"]
+    assert finding.belongs == [pytest.approx(BENDS_M, rel=0.5)]
