@@ -162,7 +162,7 @@ def notes(found: Diagnosis) -> list[str]:
         if len(group) > 1:
             lines.append(f"these data cannot tell apart: {', '.join(group)}")
     if found.causes:
-        lines.append(f"chance that it is nothing in the catalogue: {100.0 * found.unknown:.1f} %")
+        lines.append(f"chance that it is none of these: {100.0 * found.unknown:.1f} %")
     if found.not_excited:
         lines.append(f"not excited, so not judged: {some(found.not_excited)}")
     lines.append(f"floor: {found.located.floor_text}")

@@ -37,7 +37,7 @@ def evidence_figure(found: Diagnosis) -> go.Figure:
     causes = best_first(found)[:MOST_CAUSES]
     names = [f"{c.location}.{c.effect}" for c in causes]
     if found.unknown > 0.0:
-        names.append("nothing in the catalogue")
+        names.append("none of these")
     columns = (
         ("probability", [c.probability for c in causes] + [found.unknown], ".3f", [0.0, 1.0]),
         ("gain over no effect, nats", [max(c.gain, 0.0) for c in causes], ".0f", None),

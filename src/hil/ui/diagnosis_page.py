@@ -121,7 +121,7 @@ def _verdict(found: Diagnosis) -> str:
         facts.append(("explainable gap gone", f"{100.0 * s.shrink:.0f} %"))
     if s.shrink_ci is not None:
         facts.append(("90 %", f"{100 * s.shrink_ci[0]:.0f} … {100 * s.shrink_ci[1]:.0f} %"))
-    facts.append(("nothing in the catalogue", f"{100.0 * found.unknown:.1f} %"))
+    facts.append(("none of these", f"{100.0 * found.unknown:.1f} %"))
     cells = "".join(
         f'<div style="margin-right:34px"><div style="color:#64748b;font-size:13px">{escape(name)}</div>'
         f'<div style="font-size:20px">{escape(value)}</div></div>'

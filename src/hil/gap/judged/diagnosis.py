@@ -71,7 +71,7 @@ class Diagnosis:
     effects: tuple[Cause, ...]
     """The set that the verdict stands for."""
     unknown: float
-    """Probability that nothing in the catalogue explains the gap."""
+    """Probability that it is none of the causes: nothing in the catalogue, or an effect not tried."""
     score: Score | None
     """Of the verdict's set, over the signals that it touches."""
     score_all: Score | None
