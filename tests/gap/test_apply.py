@@ -159,6 +159,13 @@ def test_drives_that_were_found_to_feed_static_force_forward_do_so_in_the_file(t
     assert text.count("was cascade; hil gap diagnose, run7, 2026-02-01 (d.json)") == 6
 
 
+def test_friction_that_was_found_to_build_up_does_so_in_the_file(tmp_path):
+    said = {**answer(verdict="no_gap"), "findings": [told("actuators.presliding", [2.8e-5])]}
+    text = applied_text(AXIS_FILE, said, when="2026-02-01", source="d.json")
+    assert [a.presliding for a in read(text, tmp_path).actuators] == [2.8e-5]
+    assert "was 0.0; hil gap diagnose, run7, 2026-02-01 (d.json)" in text
+
+
 def test_legs_that_were_found_to_weigh_something_do_so_in_the_file(tmp_path):
     own = find_rig_file("motorcycle").read_text(encoding="utf-8")
     nothing = LegMass().model_dump()
