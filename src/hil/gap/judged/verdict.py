@@ -50,7 +50,7 @@ data have none of it [set on the used-up exam of seed 114: those that were there
 was not had 0.2]."""
 WHOLE: Final = 0.9
 """Share of a small gap from which on what is nearly certain is none by chance, though unseen data hardly show
-it: of ten healthy axes of two worlds of others the best candidates have 8 nats and less."""
+it: of 35 healthy axes and motorcycles of two worlds of others the best candidates have 8 nats and less."""
 HARDLY: Final = 0.05
 """Held-out shrink below which a sentence says that unseen data show little of what was found."""
 VISIBLE: Final = 0.3

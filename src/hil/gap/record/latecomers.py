@@ -26,7 +26,7 @@ LASTS: Final = 4
 ONE: Final = (0.5, 1.7)
 """Times the twin's kick that a kick must be: a frame that was lost makes one several times as large."""
 SURE: Final = 6.0
-"""Nats that must speak for a frame's kick: of the thousands of a record none is there by chance."""
+"""Nats that must speak for a frame's kick: of ten thousands no more than FEW are there by chance."""
 ROUNDS: Final = 3
 """In each a frame is asked beside what is known of its neighbours."""
 FEW: Final = 10
