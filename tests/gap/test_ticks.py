@@ -113,6 +113,21 @@ def test_frames_that_act_a_tick_after_their_fellows_are_told_by_their_kicks():
     )
 
 
+def test_frames_of_which_nothing_tells_are_late_as_often_as_those_told():
+    late = np.random.default_rng(9).choice(np.arange(0, 12000), 2400, replace=False)
+    problem = at_sync_record(late=late)
+    (clock,) = find_clocks(problem).values()
+    sent = problem.sent[0].setpoints["axis"][0]
+    untold = np.isin(sent, clock.untold)
+    speed = np.abs(np.gradient(problem.sent[0].setpoints["axis"][1], FAST.bus.cycle))
+    judged = (sent > 1.5) & (sent < 11.0)
+    assert np.max(speed[untold & judged]) < 0.1 < np.max(speed[judged])
+    assert clock.share == pytest.approx(0.2, abs=0.02)
+    drawn = clock.drawn(np.random.default_rng(1))
+    assert len(drawn.late) - len(clock.late) == pytest.approx(clock.share * untold.sum(), rel=0.1)
+    assert set(drawn.late) - set(clock.late) <= set(clock.untold)
+
+
 def test_a_piece_of_a_record_has_the_late_frames_that_were_sent_in_it():
     synced = AtSync(FAST.bus.cycle, late=(0.003, 0.007))
     sent = np.arange(0.0, 0.01, FAST.bus.cycle)

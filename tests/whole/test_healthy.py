@@ -44,3 +44,17 @@ def test_a_hexapod_that_sags_when_armed_and_whose_bus_is_busy_is_no_gap(
     run, rig = ridden(tmp_path, name, "drive")
     found = diagnose(run, rig)
     assert found.verdict == "no_gap", found.sentence
+
+
+def test_a_fast_drive_whose_targets_wait_for_the_imus_frames_is_no_gap(tmp_path: Path) -> None:
+    run, rig = ridden(tmp_path, "axis_canopen", "drive")
+    found = diagnose(run, rig)
+    assert found.verdict == "no_gap", found.sentence
+
+
+def test_friction_behind_such_a_drive_is_found(tmp_path: Path) -> None:
+    hidden = effect("coulomb_friction", force=45.0)
+    run, rig = ridden(tmp_path, "axis_canopen", "drive", hidden)
+    best = diagnose(run, rig).causes[0]
+    assert (best.effect, best.location) == ("coulomb_friction", "axis")
+    assert best.parameters["force"].value == pytest.approx(45.0, rel=0.1)

@@ -29,6 +29,7 @@ from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.rounding import coarse_steps
 from hil.gap.judged.calmer import calmed
 from hil.gap.judged.diagnosis import Diagnosis
+from hil.gap.judged.glimpsed import again, is_promising, may_be_nothing
 from hil.gap.judged.older import as_it_was
 from hil.gap.judged.ticked import clocks_beside
 from hil.gap.judged.verdict import answer, stands
@@ -40,8 +41,7 @@ from hil.gap.located.sanity import Finding, check_runs
 from hil.gap.record.lines import CLEAR, UNTOLD, for_lines
 from hil.gap.record.problem import Problem
 from hil.gap.record.runs import as_runs
-from hil.gap.search.candidates import fit_candidates
-from hil.gap.search.linear import Search
+from hil.gap.search.candidates import fit_candidates, fitted_again
 from hil.identify.replay import stretches
 from hil.runs import Run
 
@@ -162,15 +162,22 @@ def consider(
         share = share_of(habit, mine.located)
         if share == 0.0:
             continue
+        twin = habit.twin(mine.rig, share)
+        say(f"a glimpse of {habit.step}")
+        if not _glimpsed(mine, loaded, twin, None, None, seed, parts)[0]:
+            continue
         say(f"once more with {habit.step}")
-        elsewise = locate(loaded, habit.twin(mine.rig, share), seed=seed)
+        elsewise = locate(loaded, twin, seed=seed)
         other, _ = _considered(elsewise, None, without, seed, say, parts)
         if explains_better(mine.calibrated, mine.fits, other.fits):
             mine = other
             habits.append((habit, share))
     for bend_hz in (BEND_HZ, SOFTER_HZ) if _may_be_springs(mine, seed) else ():
-        say(f"once more with transmissions that swing at {bend_hz:g} Hz, as healthy ones do")
         twin = sprung_twin(mine.rig, bend_hz)
+        say(f"a glimpse of transmissions that swing at {bend_hz:g} Hz, as healthy ones do")
+        if not any(_glimpsed(mine, loaded, twin, nuisances, found, seed, parts)):
+            break
+        say(f"once more with transmissions that swing at {bend_hz:g} Hz")
         soft = locate(loaded, twin, nuisances=nuisances, healthy=found, seed=seed)
         other, _ = _considered(soft, nuisances, without, seed, say, parts)
         told = other.answer(seed)
@@ -206,17 +213,35 @@ def _considered(
     say("computing what each candidate would do")
     bank = candidates_of(c, none, without)
     is_large = stands(located, c, none)
-    fits = fit_candidates(c, none, Search(c, bank), without, say)
+    fits = fit_candidates(c, none, bank, without, say)
     calm = calmed(located, c, fits, seed)
     if calm is not None:
         say("once more beside the noise that the best fit leaves")
         located = calm
         c, none = begin(calm.evidence, parts, chosen, steps, seed)
-        fits = fit_candidates(c, none, Search(c, bank), without, say)
+        fits = fitted_again(c, none, fits, bank, without, say)
     if steps:
         fits = rounded(c, fits, steps)
     held = ~parts.train(whole)
     return Considered(located, c, tuple(fits), bank, held, parts.text, is_large), parts
+
+
+def _glimpsed(
+    mine: Considered,
+    loaded: Sequence[Run],
+    twin: RigFile,
+    nuisances: Sequence[Nuisance] | None,
+    healthy: Located | None,
+    seed: int,
+    parts: Split,
+) -> tuple[bool, bool]:
+    """Whether another twin explains better, or leaves nothing to find, as far as the best candidates tell."""
+    clocks = mine.located.evidence.problem.clocks
+    there = locate(loaded, twin, nuisances=nuisances, healthy=healthy, clocks=clocks, seed=seed)
+    chosen = tuple(nuisances or _nuisances(there.evidence.problem))
+    c, none = begin(there.evidence, parts, chosen, {}, seed)
+    seen = again(mine.calibrated, mine.fits, c, none)
+    return is_promising(mine.calibrated, mine.fits, seen), may_be_nothing(c, seen)
 
 
 def _as_usual(
@@ -233,7 +258,7 @@ def _as_usual(
         unlike.append((DRAWS, 1.0))
     for habit, share in unlike:
         if share != 0.0:
-            other = locate(loaded, habit.twin(rig, share), seed=seed)
+            other = locate(loaded, habit.twin(rig, share), clocks=problem.clocks, seed=seed)
             if not other.is_gap:
                 return other, [(habit, share)]
     return located, []

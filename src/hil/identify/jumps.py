@@ -6,7 +6,9 @@ times the noise. No slope leads there, so places are tried, coarse ones first.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Hashable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Final, TypeVar
 
 import numpy as np
@@ -27,22 +29,23 @@ def fewest_jumps(
 ) -> tuple[dict[K, V], dict[K, float]]:
     """Of each key the value that leaves the fewest jumps, and how much less that is than `start` leaves.
 
-    `steps`: sizes (M,) of the steps of force that each key's value leaves, all computed at once. A turn is
-    how many places are tried either way, and the place so many from a value, for each key about the best
-    before.
+    `steps`: sizes (M,) of the steps of force that each key's value leaves, all computed at once, and those of
+    different values on all cores. A turn is how many places are tried either way, and the place so many from
+    a value, for each key about the best before.
     """
     first = steps(start)
     usual = {key: JUMP * float(np.median(s)) + 1e-12 for key, s in first.items()}
     least = {key: _size(s, usual[key]) for key, s in first.items()}
     before, best = dict(least), dict(start)
-    for most, moved in turns:
-        middle = dict(best)
-        for count in sorted(range(-most, most + 1), key=abs)[1:]:
-            tried = {key: moved(key, value, count) for key, value in middle.items()}
-            for key, s in steps(tried).items():
-                size = _size(s, usual[key])
-                if size < least[key]:
-                    least[key], best[key] = size, tried[key]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for most, moved in turns:
+            counts = sorted(range(-most, most + 1), key=abs)[1:]
+            tries = [{key: moved(key, v, count) for key, v in best.items()} for count in counts]
+            for tried, sizes in zip(tries, pool.map(steps, tries), strict=True):
+                for key, s in sizes.items():
+                    size = _size(s, usual[key])
+                    if size < least[key]:
+                        least[key], best[key] = size, tried[key]
     return best, {key: before[key] - size for key, size in least.items()}
 
 

@@ -18,7 +18,7 @@ from hil.bus.load import RECKONED_BITS
 from hil.config import RigFile
 from hil.gap.record.led import replay_led
 from hil.gap.record.problem import Problem, Series, run_all
-from hil.gap.record.ticks import Ticks, acting
+from hil.gap.record.ticks import AtSync, Ticks, acting
 from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
@@ -47,7 +47,8 @@ def draws(
     """Residuals of records that the twin itself made, against `problem`'s own prediction: what timing makes
     of them, (count, N), and what the sensors add, (count, N).
 
-    Frames wait for the bus; drives whose ticks are not known have them anywhere.
+    Frames wait for the bus, of drives at SYNC as many as are known to; drives whose ticks are not known have
+    them anywhere.
     """
     rig = problem.rig
     base = problem.predict(vector)[0]
@@ -59,7 +60,10 @@ def draws(
             told = {}
             for a, (t, v) in piece.setpoints.items():
                 ticks = problem.clocks.get((k, a)) or _anywhere(rig, rng)
-                told[a] = (acting(rig, _waited(t, longest_s, rng), ticks), v)
+                if isinstance(ticks, AtSync):
+                    told[a] = (acting(rig, t, ticks.drawn(rng)), v)
+                else:
+                    told[a] = (acting(rig, _waited(t, longest_s, rng), ticks), v)
                 if piece.mode == "force":
                     told[a] = (told[a][0], v + _unknown_force(rig, v.shape, rng))
             series = [x for x in problem.series if x.stretch == k]

@@ -12,16 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from hil.gap.fits.evidence import ALIKE, distance, weigh
 from hil.gap.fits.fitted import Calibrated, Fit
-from hil.gap.judged.calmer import in_vector
+from hil.gap.judged.glimpsed import unlike
 from hil.gap.located.residual import cost
 from hil.gap.located.result import Located
 from hil.gap.record.arrivals import find_clocks
 from hil.gap.record.ticks import Clocks
 
-MOST: Final = 3
-"""Fits of unlike answers beside which ticks are looked for: beside wrong ones the true effect is not best."""
 LESS: Final = 10.0
 """Nats by which ticks beside a fit must explain more than those beside the twin without effects."""
 
@@ -29,12 +26,7 @@ LESS: Final = 10.0
 def clocks_beside(located: Located, c: Calibrated, fits: Sequence[Fit]) -> Clocks | None:
     """The drives' ticks as that of the best `fits` shows them which then leaves least; None: as they are."""
     e = located.evidence
-    ranked, _ = weigh(c, fits)
-    likely = sorted((w for w in ranked if in_vector(w.fit)), key=lambda w: -w.log_evidence)
-    best: list[Fit] = []
-    for w in likely:
-        if len(best) < MOST and all(distance(c, w.fit, f) > ALIKE for f in best):
-            best.append(w.fit)
+    best = unlike(c, fits)
 
     def left(f: Fit, clocks: Clocks) -> float:
         residual = e.problem.with_clocks(clocks).residual(f.vector)

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from hil.bus.load import RECKONED_BITS
 from hil.gap.record.fineness import CLEARER, fine_structure, fineness
-from hil.gap.record.latecomers import with_latecomers
 from hil.gap.record.problem import Problem
 from hil.gap.record.synced import at_sync
 from hil.gap.record.ticks import Clocks, Ticks
@@ -59,7 +58,7 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
     if bus.retimed:
         return _started(problem, beside)
     if bus.schedule == "fast":
-        return with_latecomers(problem, at_sync(problem, beside), beside)
+        return at_sync(problem, beside)
     if bus.position_loop <= bus.speed_loop or bus.interpolation == "hold":
         return {}
     tick = bus.position_loop

@@ -17,6 +17,7 @@ from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import AtSync
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Synced = dict[tuple[int, str], AtSync]
 
 APART: Final = 8
@@ -27,8 +28,10 @@ ONE: Final = (0.5, 1.7)
 """Times the twin's kick that a kick must be: a frame that was lost makes one several times as large."""
 SURE: Final = 6.0
 """Nats that must speak for a frame's kick: of ten thousands no more than FEW are there by chance."""
-ROUNDS: Final = 3
-"""In each a frame is asked beside what is known of its neighbours."""
+TOLD: Final = 12.0
+"""Nats that a frame's kick must be worth for the frame to be told at all."""
+ROUNDS: Final = 6
+"""The most: in each a frame is asked beside what is known of its neighbours, and noise is what they leave."""
 FEW: Final = 10
 """Late frames of a drive up to which they are no habit of its bus."""
 
@@ -55,36 +58,43 @@ def with_latecomers(
             own = [k[x.part] for k in kicks]
             left = np.where(problem.kept[x.part], problem.measured[x.part] - base[x.part], 0.0)
             due = found[key].regular(sent[key])
-            late = _late(problem.t_s[x.part], left, own, due, found[key].cycle_s)
-            if len(late) > FEW:
-                out[key] = replace(found[key], late=tuple(sent[key][late].tolist()))
+            late, untold = _late(problem.t_s[x.part], left, own, due, found[key].cycle_s)
+            if late.sum() > FEW:
+                out[key] = replace(
+                    found[key],
+                    late=tuple(sent[key][late].tolist()),
+                    untold=tuple(sent[key][untold].tolist()),
+                    share=float(late.sum() / (~untold).sum()),
+                )
     return out
 
 
-def _late(t: Array, left: Array, kicks: list[Array], sent: Array, cycle_s: float) -> list[int]:
-    """Numbers of the frames sent at `sent` (K,) whose kick stands in what is `left` (N,) at `t` (N,)."""
+def _late(
+    t: Array, left: Array, kicks: list[Array], sent: Array, cycle_s: float
+) -> tuple[Flags, Flags]:
+    """Which frames sent at `sent` (K,) are late, for their kick is in what is `left` (N,) at `t` (N,), and
+    which nobody can tell, for noise would hide it."""
     step = np.diff(left)
-    noise = (1.4826 * float(np.median(np.abs(step)))) ** 2
-    if noise == 0.0:
-        return []
+    late, untold = np.zeros(len(sent), dtype=bool), np.zeros(len(sent), dtype=bool)
     shapes = [np.diff(k) for k in kicks]
     first = np.searchsorted(t, sent)
     last = np.searchsorted(t, sent + LASTS * cycle_s)
-    late: set[int] = set()
     for _ in range(ROUNDS):
-        before = set(late)
+        before = late.copy()
+        noise = (1.4826 * float(np.median(np.abs(step)))) ** 2
         for k in range(len(sent)):
             part = slice(max(first[k] - 1, 0), last[k])
             d = shapes[k % APART][part]
             own = float(d @ d)
-            there = step[part] + (d if k in late else 0.0)
+            there = step[part] + (d if late[k] else 0.0)
             along = float(there @ d)
             is_late = (
                 own > 0.0 and ONE[0] < along / own < ONE[1] and along**2 > 2.0 * SURE * noise * own
             )
-            if is_late != (k in late):
-                step[part] += d if k in late else -d
-                (late.add if is_late else late.discard)(k)
-        if late == before:
+            if is_late != late[k]:
+                step[part] += d if late[k] else -d
+                late[k] = is_late
+            untold[k] = not is_late and own < 2.0 * TOLD * noise
+        if np.array_equal(late, before):
             break
-    return sorted(late)
+    return late, untold

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.record.fineness import CLEARER, fineness
+from hil.gap.record.latecomers import Synced, with_latecomers
 from hil.gap.record.problem import Problem, Series
 from hil.gap.record.ticks import AtSync, Ticks
 
@@ -35,32 +36,45 @@ SLIPS_S: Final = tuple(0.001 * k for k in range(-40, 13, 2))
 """By which a drive may be early again later than its position says: that follows in some 30 ms."""
 
 
-def at_sync(problem: Problem, vector: Array) -> dict[tuple[int, str], AtSync]:
-    """The drives of each stretch whose force, of all of them together, says that setpoints act at SYNC.
+def at_sync(problem: Problem, vector: Array) -> Synced:
+    """The drives of each stretch whose force, of all of them together, says that setpoints act at SYNC; by
+    itself, or beside the frames that come too late for it.
 
     `vector` (P,): the twin that they are looked at beside.
     """
-    names = problem.rig.actuator_names
     synced = AtSync(problem.rig.bus.cycle)
-    keys = [(k, a) for k, p in enumerate(problem.pieces) if p.mode == "position" for a in names]
-    as_sent = problem.predict(vector)[0]
-    regular = problem.with_clocks(dict.fromkeys(keys, synced)).predict(vector)[0]
-    off = dict.fromkeys(range(len(problem.pieces)), 0.0)
-    for k, a in keys:
-        off[k] += fineness(problem, k, a, as_sent) - fineness(problem, k, a, regular)
-    found = {(k, a): synced for k, a in keys if off[k] > CLEARER * len(names)}
+    stretches = [k for k, p in enumerate(problem.pieces) if p.mode == "position"]
+    tried: Synced = {(k, a): synced for k in stretches for a in problem.rig.actuator_names}
+    found = _clearer(problem, tried, vector)
+    regular = problem.with_clocks(tried).predict(vector)[0]
     for x in problem.series:
         if x.quantity == "position" and (key := (x.stretch, x.actuator)) in found:
             found[key] = AtSync(synced.cycle_s, _ticks(problem, x, regular[x.part]))
-    return _slid(problem, found, vector) if any(s.ticks for s in found.values()) else found
+    if any(s.ticks for s in found.values()):
+        found = _slid(problem, found, vector)
+    rest = {key: s for key, s in tried.items() if key not in found}
+    late = _clearer(problem, with_latecomers(problem, rest, vector), vector)
+    return with_latecomers(problem, found, vector) | late
 
 
-def _slid(
-    problem: Problem, found: dict[tuple[int, str], AtSync], vector: Array
-) -> dict[tuple[int, str], AtSync]:
+def _clearer(problem: Problem, clocks: Synced, vector: Array) -> Synced:
+    """Those of `clocks` in whose stretches force has clearly less of a structure of its own than beside
+    setpoints that act as they were sent."""
+    if not clocks:
+        return {}
+    as_sent = problem.predict(vector)[0]
+    other = problem.with_clocks(clocks).predict(vector)[0]
+    off = dict.fromkeys([k for k, _ in clocks], 0.0)
+    for k, a in clocks:
+        off[k] += fineness(problem, k, a, as_sent) - fineness(problem, k, a, other)
+    names = problem.rig.actuator_names
+    return {key: s for key, s in clocks.items() if off[key[0]] > CLEARER * len(names)}
+
+
+def _slid(problem: Problem, found: Synced, vector: Array) -> Synced:
     """The same drives, each early again when its force is kicked: positions tell that late."""
 
-    def moved(by_s: float) -> dict[tuple[int, str], AtSync]:
+    def moved(by_s: float) -> Synced:
         return {
             key: s if s.ticks is None else replace(s, ticks=s.ticks.later(by_s))
             for key, s in found.items()

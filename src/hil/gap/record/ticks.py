@@ -42,6 +42,15 @@ class AtSync:
     """Of its own clock, where it acts at the first of those after SYNC."""
     late: tuple[float, ...] = ()
     """When the frames were sent that act a tick after that, s."""
+    untold: tuple[float, ...] = ()
+    """When those were sent of which nothing tells whether they do, s."""
+    share: float = 0.0
+    """Of the frames that are told, that of the late ones: those untold are as late as that on average."""
+
+    def drawn(self, rng: np.random.Generator) -> AtSync:
+        """The same drive, with untold frames that are late by chance."""
+        late = np.array(self.untold)[rng.random(len(self.untold)) < self.share]
+        return replace(self, late=(*self.late, *late.tolist()), untold=(), share=0.0)
 
     def regular(self, t: Array) -> Array:
         """Send instants (K,) without what they jitter by: a straight line through the cycles they fall in."""
@@ -61,8 +70,9 @@ def acting(rig: RigFile, t_sent: Array, ticks: Ticks | AtSync | None) -> Array:
     if ticks is None:
         return t_sent
     if isinstance(ticks, AtSync):
-        waited = rig.bus.position_loop * np.isin(t_sent, ticks.late)
-        return acting(rig, ticks.regular(t_sent) + waited, ticks.ticks)
+        late = np.isin(t_sent, ticks.late) + ticks.share * np.isin(t_sent, ticks.untold)
+        sent = ticks.regular(t_sent) + rig.bus.position_loop * late
+        return acting(rig, sent, ticks.ticks)
     if rig.bus.retimed:  # the first frame starts the drive's clock, and all act by that
         return np.asarray(t_sent + ticks.late_s)
     tick, delay = rig.bus.position_loop, rig.bus.setpoint_delay

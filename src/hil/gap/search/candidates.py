@@ -7,8 +7,10 @@ together.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from typing import Final
 
+from hil.gap.catalogue.bank import Bank
 from hil.gap.fits.fit import fit
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import EFFECT as LOST
@@ -23,10 +25,10 @@ from hil.gap.fits.friction import (
     is_itself,
     peaked,
 )
-from hil.gap.fits.shares import explained, most_left
+from hil.gap.fits.shares import RARE, explained, most_left
 from hil.gap.fits.starts import changes_of, relative
 from hil.gap.record.leaf import Leaf
-from hil.gap.search.joint import LEFT, joint_fits
+from hil.gap.search.joint import LEFT, is_whole, joint_fits
 from hil.gap.search.linear import Proposal, Search
 from hil.gap.search.replayed import least_left, struck, suspects
 from hil.gap.search.rivals import ended
@@ -57,12 +59,12 @@ WELL: Final = 0.96
 def fit_candidates(
     c: Calibrated,
     none: Fit,
-    search: Search,
+    bank: Bank,
     without: Collection[str],
     say: Report,
 ) -> list[Fit]:
     """`none`, then all that was fitted."""
-    leaves = search.bank.leaves
+    search, leaves = Search(c, bank), bank.leaves
     alone = _single_fits(c, none, search, leaves, without, say)
     fits = [none, *ended(c, none, [f for f in alone if is_itself(c, f)], say)]
     fits += joint_fits(c, fits, search, leaves, without, say)
@@ -72,6 +74,22 @@ def fit_candidates(
     fits = _bettered(c, fits, bristled(c, alone, fits, say))
     fits += _peaked_fits(c, fits, leaves, say)
     return fits if DIRECTED in without else fits + _directed_fits(c, fits, without, say)
+
+
+def fitted_again(
+    c: Calibrated,
+    none: Fit,
+    fits: Sequence[Fit],
+    bank: Bank,
+    without: Collection[str],
+    say: Report,
+) -> list[Fit]:
+    """`fits` beside other noise, of which `none` is: where the best of them leaves nothing there either, that
+    and its rivals to their ends, else all that is worth a fit."""
+    seen = [replace(f, white=c.noise.whiten(c.problem, f.residual)) for f in fits if f.leaves]
+    if not is_whole(c, min(seen, key=lambda f: f.total(c)), RARE):
+        return fit_candidates(c, none, bank, without, say)
+    return [none, *ended(c, none, seen, say)]
 
 
 def _bettered(c: Calibrated, fits: Sequence[Fit], found: Sequence[Fit]) -> list[Fit]:

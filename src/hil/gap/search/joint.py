@@ -61,7 +61,7 @@ def joint_fits(
     singles = sorted((f for f in fits[1:] if f.leaves[0].name in known), key=lambda f: _cost(c, f))
     heads = _unlike(c, singles)
     for _ in ("pairs", "triples"):
-        if not heads or _is_whole(c, heads[0]):
+        if not heads or is_whole(c, heads[0], LEFT):
             break
         new: list[Fit] = []
         for head, p in _proposed(c, heads, search, leaves):
@@ -87,9 +87,10 @@ def joint_fits(
     return out
 
 
-def _is_whole(c: Calibrated, head: Fit) -> bool:
-    """Whether a fit leaves nothing that a further effect could explain or bring nuisances back by."""
-    return most_left(c, head) < LEFT and head.prior_cost < BROUGHT_BACK
+def is_whole(c: Calibrated, head: Fit, left: float) -> bool:
+    """Whether a fit leaves nothing, `left` floors at most, that a further effect could explain or bring
+    nuisances back by."""
+    return most_left(c, head) < left and head.prior_cost < BROUGHT_BACK
 
 
 def _limited(c: Calibrated, head: Fit, leaves: Sequence[Leaf], say: Report) -> list[Fit]:
