@@ -84,12 +84,14 @@ def fitted_again(
     without: Collection[str],
     say: Report,
 ) -> list[Fit]:
-    """`fits` beside other noise, of which `none` is: where the best of them leaves nothing there either, that
-    and its rivals to their ends, else all that is worth a fit."""
+    """`fits` beside other noise, of which `none` is: where the best of them is one effect and leaves nothing
+    there either, single ones once more, else all that is worth a fit."""
     seen = [replace(f, white=c.noise.whiten(c.problem, f.residual)) for f in fits if f.leaves]
-    if not is_whole(c, min(seen, key=lambda f: f.total(c)), RARE):
+    best = min(seen, key=lambda f: f.total(c))
+    if len(best.leaves) > 1 or not is_whole(c, best, RARE):
         return fit_candidates(c, none, bank, without, say)
-    return [none, *ended(c, none, seen, say)]
+    alone = _single_fits(c, none, Search(c, bank), bank.leaves, without, say)
+    return [none, *ended(c, none, _bettered(c, seen, alone), say)]
 
 
 def _bettered(c: Calibrated, fits: Sequence[Fit], found: Sequence[Fit]) -> list[Fit]:
