@@ -116,8 +116,8 @@ def from_log(
         )
         return
     for note in notes:
-        out.print(note, markup=False, soft_wrap=True)
-    out.print(f"{target}: {duration_s:.1f} s for {settings.name}", markup=False, soft_wrap=True)
+        out.print(note, soft_wrap=True)
+    out.print(f"{target}: {duration_s:.1f} s for {settings.name}", soft_wrap=True)
 
 
 def _stream(rig: RigFile, stream: Iterable[Cue], endpoint: str) -> None:
