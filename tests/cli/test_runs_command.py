@@ -1,5 +1,8 @@
 """`hil runs` on the command line: for a person whatever the names are, and for a script."""
 
+import json
+from pathlib import Path
+
 import pytest
 from typer.testing import CliRunner
 
@@ -18,6 +21,14 @@ def runs(tmp_path):
     folder.joinpath("run.toml").write_text(head)
     folder.joinpath("signals.csv").write_text("t,axis.position\n0.0,0.1\n0.1,0.2\n")
     return folder.parent
+
+
+def test_list_writes_json_for_a_script(runs):
+    result = run(app, ["runs", "list", str(runs), "--json"])
+    assert result.exit_code == 0
+    (told,) = json.loads(result.output)
+    assert Path(told["path"]) == runs / "one [red]"
+    assert told["note"] == NOTE
 
 
 def test_brackets_in_names_and_notes_are_no_markup(runs):

@@ -45,7 +45,7 @@ def list_command(
         raise RunError(f"{folder}: no such folder")
     runs = list_runs(folder)
     if json:
-        write_json([asdict(run) for run in runs])
+        write_json([asdict(run) | {"path": str(run.path)} for run in runs])
         return
     table = Table("run", "mode", "seconds", "MB", "note")
     table.columns[0].no_wrap = True
