@@ -261,6 +261,18 @@ def test_broken_run_toml_gets_its_sentence(folder: Make, meta: str, sentence: st
     assert list_runs(path.parent)[0].trouble == str(caught.value)
 
 
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+def test_times_without_a_zone_are_utc_wherever_they_are_read(folder: Make, zone: str) -> None:
+    ended = "[recording]\nended = 2026-01-31T12:00:02Z\n"
+    path = folder(RUN_TOML + f"started = 2026-01-31T12:00:00{zone}\n" + ended)
+    hour = 10 if zone == "+02:00" else 12
+    run = load_run(path)
+    assert run.meta.started is not None
+    assert run.meta.started.isoformat() == f"2026-01-31T{hour}:00:00+00:00"
+    (info,) = list_runs(path.parent)
+    assert info.duration_s == 2.0 + 3600.0 * (12 - hour)
+
+
 def test_signal_that_this_rig_has_not_is_refused(folder: Make, rig: RigFile) -> None:
     path = folder(leg4__position=[0.6] * 4)
     load_run(path)
