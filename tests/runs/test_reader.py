@@ -122,12 +122,31 @@ def test_message_that_breaks_its_schema_is_counted_not_followed(recorder: Record
     recorder._mcap.write("/setpoint", "setpoint", good.replace(b"5000.0", b"5000.1"), 2)
     recorder._mcap.write("/setpoint", "setpoint", good.replace(b"0.6", b"null"), 3)
     recorder._mcap.write("/setpoint", "setpoint", good.replace(b"position", b"torque"), 4)
-    recorder._mcap.write("/elsewhere", "setpoint", b"{}", 5)
+    recorder._mcap.write("/setpoint", "setpoint", good.replace(b"leg1", b"l\xf3g1"), 5)
+    recorder._mcap.write("/elsewhere", "setpoint", b"{}", 6)
     recorder.close()
     run = load_run(recorder.path)
     assert len(run.table) == 2
     assert run.damage is not None
-    assert "2 of /setpoint" in run.damage
+    assert "3 of /setpoint" in run.damage
+
+
+@pytest.mark.parametrize("line", [b"\x00" * 300 + b"\n", b'{"t": 5000.1, "name": "caf\xe9"}\n'])
+def test_events_that_a_power_cut_hurt_are_read_from_the_recording(
+    finished: Path, line: bytes
+) -> None:
+    whole = load_run(finished)
+    with (finished / "events.jsonl").open("ab") as stream:
+        stream.write(line)
+    run = load_run(finished)
+    assert run.events == whole.events
+    assert run.damage is not None
+    assert "events.jsonl: line 3: is no event" in run.damage
+    export_run(whole, finished.parent / "theirs")
+    with (finished.parent / "theirs" / "events.jsonl").open("ab") as stream:
+        stream.write(line)
+    with pytest.raises(RunError, match="line 3: is no event"):
+        load_run(finished.parent / "theirs")
 
 
 def test_signal_whose_time_runs_back_is_refused(recorder: Recorder) -> None:

@@ -132,7 +132,7 @@ def _read_events(path: Path, start_s: float) -> tuple[Event, ...]:
     for number, line in enumerate(path.read_bytes().splitlines(keepends=True), start=1):
         try:
             events.append(_event(decoder.decode(line), start_s))
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
             if line.endswith(b"\n"):
                 raise RunError(f"{path}: line {number}: is no event: {error}") from error
     return tuple(events)
@@ -153,7 +153,7 @@ def _load_mcap(path: Path, meta: RunMeta | None, rig: AnyRig | None) -> Run:
             offset_ns = _offset_ns(meta)
         content.take(message.topic, message.data, 1e-9 * (message.log_time_ns - offset_ns))
     content.finish()
-    damage = "; ".join(filter(None, (source.damage, content.damage()))) or None
+    damage = "; ".join(filter(None, (source.damage, content.damage())))
     if meta is None:
         raise RunError(f"{path}: holds no message" + (f" ({damage})" if damage else ""))
     rig = _fitting(rig, meta, path) or _attached_rig(source, meta)
@@ -165,10 +165,15 @@ def _load_mcap(path: Path, meta: RunMeta | None, rig: AnyRig | None) -> Run:
     for frame in (table, states):
         frame["t"] -= start_s
     folder = path.parent if path.name == RECORDING else path
-    beside = _read_events(path.parent / EVENTS, start_s) if folder != path else ()
-    events = beside or tuple(_event(e, start_s) for e in content.events)
+    events: tuple[Event, ...] = ()
+    if folder != path:
+        try:
+            events = _read_events(path.parent / EVENTS, start_s)
+        except RunError as error:  # the recording holds them as well
+            damage = "; ".join(filter(None, (damage, str(error))))
+    events = events or tuple(_event(e, start_s) for e in content.events)
     table = check_table(table, str(path), rig)
-    return _run(folder, meta, rig, table, states, events, damage)
+    return _run(folder, meta, rig, table, states, events, damage or None)
 
 
 def _start_s(meta: RunMeta) -> float:
