@@ -277,7 +277,9 @@ def test_cue_file_keeps_motion_rig_and_provenance(tmp_path: Path) -> None:
         ("t,roll\n0,0\n1,high\n", "column roll, row 2: 'high' is not a finite number"),
         ("t,roll\n0,0\n", "holds 1 poses of 1 coordinates"),
         ("t\n0\n1\n", "holds 2 poses of 0 coordinates"),
-        ("", "is no cue file"),
+        ("", "is no table of separated values"),
+        ("t,roll\n0,0\n1,1,5\n", "is no table of separated values"),
+        ("t,yaw,roll\n9,0,0,1\n9,1,1,2\n", "is no table of separated values"),
     ],
 )
 def test_bad_cue_file_gets_its_sentence(tmp_path: Path, content: str, sentence: str) -> None:

@@ -280,6 +280,20 @@ def test_broken_run_toml_gets_its_sentence(folder: Make, meta: str, sentence: st
     assert list_runs(path.parent)[0].trouble == str(caught.value)
 
 
+def test_rows_with_a_cell_too_many_are_no_shifted_columns(folder: Make) -> None:
+    path = folder()
+    rows = ["0.0,0.6,0.6,1", "0.1,0.7,0.6,2", "0.2,0.8,0.7,3"]
+    for cut in (0, 1):
+        lines = [
+            "t,leg1.setpoint,leg1.position",
+            *(r[: -2 * cut or None] for r in rows[:2]),
+            rows[2],
+        ]
+        (path / "signals.csv").write_text("\n".join(lines))
+        with pytest.raises(RunError, match=r"signals.csv: is no table of separated values"):
+            load_run(path)
+
+
 @pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
 def test_times_without_a_zone_are_utc_wherever_they_are_read(folder: Make, zone: str) -> None:
     ended = "[recording]\nended = 2026-01-31T12:00:02Z\n"

@@ -13,7 +13,6 @@ from typing import cast, get_args
 
 import msgspec
 import pandas as pd
-import pyarrow as pa
 
 from hil.config import AnyRig, BicycleFile, RigFile
 from hil.configfile import parse_any_rig
@@ -31,7 +30,7 @@ from hil.runs.folder import (
     read_meta,
 )
 from hil.runs.mcapfile import McapSource
-from hil.runs.table import check_table, signal_order
+from hil.runs.table import check_table, csv_table, parquet_table, signal_order
 from hil.signals import Event, Severity
 
 
@@ -83,9 +82,9 @@ def _load_folder(folder: Path, rig: AnyRig | None) -> Run:
     fitting = _fitting(rig, meta, folder) or read_any_rig(folder, meta)
     if (folder / RECORDING).is_file():
         return _load_mcap(folder / RECORDING, meta, fitting)
-    for name in ("signals.parquet", "signals.csv"):
+    for name, read in (("signals.parquet", parquet_table), ("signals.csv", csv_table)):
         if (folder / name).is_file():
-            table = check_table(_read_signals(folder / name), str(folder / name), fitting)
+            table = check_table(read(folder / name), str(folder / name), fitting)
             events = _read_events(folder / EVENTS, _start_s(meta))
             states = pd.DataFrame({"t": []})
             return _run(folder, meta, fitting, table, states, events)
@@ -110,17 +109,6 @@ def _fitting(rig: AnyRig | None, meta: RunMeta, source: Path) -> AnyRig | None:
     if rig is not None and rig.name != meta.rig:
         raise RunError(f"{source}: is a run of the rig {meta.rig!r}, not of {rig.name!r}")
     return rig
-
-
-def _read_signals(path: Path) -> pd.DataFrame:
-    try:
-        if path.suffix == ".csv":
-            return pd.read_csv(path, skipinitialspace=True, low_memory=False)
-        return pd.read_parquet(path)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise RunError(f"{path}: is no CSV table: {error}") from error
-    except (pa.ArrowException, OSError) as error:
-        raise RunError(f"{path}: cannot be read: {error}") from error
 
 
 def _read_events(path: Path, start_s: float) -> tuple[Event, ...]:
