@@ -13,6 +13,7 @@ import can
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from hil.config import RigFile
 from hil.errors import RunError
@@ -20,6 +21,7 @@ from hil.frames import Frame, StampedFrame
 from hil.runs import Recorder, list_runs, load_run, repair_run
 from hil.runs.canlog import read_can_log
 from hil.runs.folder import read_meta, sha256
+from hil.runs.mcapfile import McapSource
 from hil.signals import Cue, Event, TimedPose
 
 from .conftest import START_S, STARTED, tell
@@ -137,8 +139,9 @@ def test_folder_that_cannot_be_made_is_a_run_error(
 
 def test_living_recording_is_known_as_such_and_not_repaired(recorder: Recorder) -> None:
     assert [i.trouble for i in list_runs(recorder.path.parent)] == ["is being recorded"]
-    with pytest.raises(RunError, match="is being recorded right now"):
-        repair_run(recorder.path)
+    for path in (recorder.path, recorder.path / "journal.mcap"):
+        with pytest.raises(RunError, match="is being recorded right now"):
+            repair_run(path)
     recorder.close()
     assert [i.trouble for i in list_runs(recorder.path.parent)] == [None]
 
@@ -186,6 +189,38 @@ def test_kill_9_costs_less_than_a_second_and_repair_completes_the_file(tmp_path:
         summary = make_reader(stream).get_summary()
     assert summary is not None
     assert repair_run(info.path).damage is None
+
+
+def test_repair_keeps_what_others_wrote_in_other_encodings(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=500)
+        writer.start(profile="ros2", library="theirs")
+        writer.add_metadata("who", {"lab": "Delft"})
+        json_id = writer.register_channel("/a", "json", writer.register_schema("a", "", b""))
+        proto = writer.register_schema("b", "protobuf", b"\x00\xff")
+        proto_id = writer.register_channel("/b", "protobuf", proto, {"frame": "base"})
+        for k in range(100):
+            writer.add_message(json_id, k, b'{"x": 1}', k + 1, k)
+            writer.add_message(proto_id, k, bytes([k]), k + 2, k)
+        writer.finish()
+    assert len(list(McapSource(path))) == 100
+
+    def told() -> list[tuple[str, dict[str, str], int, int, int, bytes]]:
+        with path.open("rb") as stream:
+            return [
+                (c.topic, c.metadata, m.log_time, m.publish_time, m.sequence, m.data)
+                for _, c, m in make_reader(stream).iter_messages(log_time_order=False)
+            ]
+
+    whole = told()
+    path.write_bytes(path.read_bytes()[:-200])
+    assert repair_run(path).messages == 200
+    assert told() == whole
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        assert [m.metadata for m in reader.iter_metadata()] == [{"lab": "Delft"}]
 
 
 FULL = textwrap.dedent(
