@@ -189,6 +189,30 @@ def test_export_and_back_keeps_every_sample(finished: Path, tmp_path: Path, kind
     assert again.meta.started == run.meta.started
 
 
+def test_export_keeps_what_the_run_knows_of_its_rig(finished: Path, tmp_path: Path) -> None:
+    alone = tmp_path / "alone.mcap"
+    shutil.copyfile(finished / "recording.mcap", alone)
+    assert load_run(export_run(load_run(alone), tmp_path / "bare")).rig == load_run(alone).rig
+    (finished / "extra.parquet").write_bytes(b"speed")
+    folder = export_run(load_run(finished), tmp_path / "out")
+    for name in ("rig.toml", "extra.parquet", "drives/lust_cdd3000/drive.toml"):
+        assert (folder / name).read_bytes() == (finished / name).read_bytes()
+
+
+def test_export_that_the_disk_does_not_take_whole_is_no_run(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(self: pd.DataFrame, path: Path, **_: object) -> None:
+        path.write_text("t,leg1.position\n0.0,0.6\n0.01,0.6\n0.02,0.")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(pd.DataFrame, "to_csv", full)
+    with pytest.raises(RunError, match="cannot be written: No space left on device"):
+        export_run(load_run(finished), tmp_path / "out", "csv")
+    with pytest.raises(RunError, match=r"is no run folder"):
+        load_run(tmp_path / "out")
+
+
 def test_export_never_overwrites(finished: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "precious").write_text("x")

@@ -14,8 +14,8 @@ from hil.config import BicycleFile
 from hil.config.bicycle import SIGNALS
 from hil.errors import RunError
 from hil.runs import Run
+from hil.runs.folder import EXTRA
 from hil.runs.importing.findings import Finding
-from hil.runs.importing.importer import EXTRA
 from hil.runs.table import parquet_table
 
 Array = NDArray[np.float64]

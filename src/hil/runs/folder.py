@@ -39,6 +39,8 @@ DRIVES: Final = "drives"
 RECORDING: Final = "recording.mcap"
 EVENTS: Final = "events.jsonl"
 JOURNAL: Final = "journal.mcap"
+EXTRA: Final = "extra.parquet"
+"""What was imported beside the signals of runs."""
 
 Mode = Literal["position", "force", "ride"]
 
