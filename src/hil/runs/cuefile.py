@@ -57,7 +57,7 @@ def read_cue_file(path: Path) -> CueFile:
     if not path.is_file():
         raise RunError(f"{path}: no such file")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise RunError(f"{path}: is no cue file: {error}") from error
     comments = _comments(text)
