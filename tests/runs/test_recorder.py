@@ -279,6 +279,8 @@ def test_full_disk_keeps_all_that_was_written_before(
     run = load_run(recorder.path)
     assert run.table["t"].iloc[-1] >= 2.99
     assert [e.name for e in run.events] == ["recorder_stopped"]
+    (info,) = list_runs(recorder.path.parent)
+    assert info.trouble == "recording stopped: No space left on device"
 
 
 def test_a_disk_that_is_full_already_is_named_and_gets_no_folder(
@@ -296,6 +298,15 @@ def test_reserve_of_the_disk_is_left_alone(
     tell(recorder, rig, 0, 100)
     assert recorder.stopped is not None
     assert "stay reserved" in recorder.stopped.text
+    run = load_run(recorder.path)
+    assert run.damage is None
+    assert [e.name for e in run.events] == ["recorder_stopped"]
+    (info,) = list_runs(recorder.path.parent)
+    assert info.duration_s == pytest.approx(0.5, abs=0.02)
+    assert info.trouble is not None
+    assert info.trouble.startswith("recording stopped: only ")
+    recorder.close("asked for")
+    assert list_runs(recorder.path.parent) == [info]
 
 
 def test_a_pose_that_comes_again_stands_once(recorder: Recorder) -> None:

@@ -42,6 +42,9 @@ JOURNAL: Final = "journal.mcap"
 EXTRA: Final = "extra.parquet"
 """What was imported beside the signals of runs."""
 
+STOPPED: Final = "recording stopped: "
+"""How the reason begins with which a recorder ended before it was told to."""
+
 Mode = Literal["position", "force", "ride"]
 
 
