@@ -51,6 +51,15 @@ def test_what_is_too_much_is_scaled_and_said(tmp_path):
     assert not any(name.startswith("cue_") for name in session.events())
 
 
+def test_the_measured_ride_is_not_overwritten_by_its_cues(tmp_path):
+    log = written(tmp_path)
+    measured = log.read_bytes()
+    result = run(app, [*FROM_LOG, str(log), "--out", str(tmp_path / "." / "ride.csv")])
+    assert isinstance(result.exception, RunError)
+    assert "ride.csv: is the log itself" in str(result.exception)
+    assert log.read_bytes() == measured
+
+
 def test_a_cue_file_of_another_rig_is_refused(tmp_path):
     out = tmp_path / "cue.csv"
     args = ["cue", "from-log", str(written(tmp_path, 2.0)), "--map", "roll=lean:deg, t=time:s"]

@@ -112,6 +112,8 @@ def from_log(
     said.
     """
     settings = load_rig(rig)
+    if target.exists() and log.exists() and target.samefile(log):
+        raise RunError(f"{target}: is the log itself, which the cue file would take the place of")
     imported = cue_from_log(log, read_cue_map(cue_map), settings, rate_hz)
     try:
         fitted = fit(imported.trajectory, settings, build_rig(settings), low_pass_hz)
