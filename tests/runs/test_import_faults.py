@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
+from mcap.writer import Writer
 
 from hil.configfile import rig_toml
 from hil.errors import ConfigError, HilError, RunError
@@ -37,6 +38,19 @@ def changed(column: str, rows: object, value: object) -> object:
     values = np.array(motion()[column], dtype=object)
     values[rows] = value
     return values
+
+
+def test_messages_of_numbers_and_nests_beyond_all_bounds(tmp_path):
+    log = tmp_path / "log.mcap"
+    with log.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/a", "json", 0)
+        for k, text in enumerate(['{"x": 1}', "[" * 100_000, f'{{"x": {10**400}}}']):
+            writer.add_message(channel, k, text.encode(), k)
+        writer.finish()
+    signal = '[signals]\n"axis.position" = { column = "/a:x", unit = "m" }\n'
+    assert "/a:x, message 2: is not a finite number" in refused(log, signal)
 
 
 # --- the map --------------------------------------------------------------------------------------
