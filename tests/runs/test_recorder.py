@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
+from typing import IO
 
 import can
 import numpy as np
@@ -18,7 +19,7 @@ from mcap.writer import Writer
 from hil.config import RigFile
 from hil.errors import RunError
 from hil.frames import Frame, StampedFrame
-from hil.runs import Recorder, list_runs, load_run, repair_run
+from hil.runs import Recorder, list_runs, load_run, repair, repair_run
 from hil.runs.canlog import read_can_log
 from hil.runs.folder import read_meta, sha256
 from hil.runs.mcapfile import McapSource
@@ -221,6 +222,29 @@ def test_repair_keeps_what_others_wrote_in_other_encodings(tmp_path: Path) -> No
         reader = make_reader(stream)
         assert reader.get_header().profile == "ros2"
         assert [m.metadata for m in reader.iter_metadata()] == [{"lab": "Delft"}]
+
+
+def test_two_repairs_at_once_take_nothing_from_each_other(
+    finished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = load_run(finished)
+    recording = finished / "recording.mcap"
+    recording.chmod(0o640)
+    recording.write_bytes(recording.read_bytes()[:-200])
+    copy = repair.copy_records
+
+    def meanwhile(path: Path, stream: IO[bytes]) -> None:
+        monkeypatch.setattr(repair, "copy_records", copy)
+        assert repair_run(path).damage is not None
+        copy(path, stream)
+
+    monkeypatch.setattr(repair, "copy_records", meanwhile)
+    assert repair_run(finished).damage is not None
+    run = load_run(finished)
+    assert run.damage is None
+    assert run.table.equals(whole.table)
+    assert recording.stat().st_mode & 0o777 == 0o640
+    assert not [p for p in finished.iterdir() if p.name.startswith(".")]
 
 
 FULL = textwrap.dedent(

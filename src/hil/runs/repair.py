@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 
 from mcap.records import Message
 
@@ -44,15 +46,18 @@ def repair_run(path: Path) -> Repair:
         return Repair(path, count, None)
     if count == 0:
         raise RunError(f"{path}: holds no message that can be saved ({records.damage})")
-    fresh = path.with_name(f".{path.name}.repaired")
+    fresh: Path | None = None
     try:
-        with fresh.open("wb") as stream:
+        with NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as stream:
+            fresh = Path(stream.name)  # its own: another repair may be at the same file
             copy_records(path, stream)
+        shutil.copymode(path, fresh)
         fresh.replace(path)
         if path == recording:
             _note_end(path.parent, last_ns)
     except OSError as error:
-        fresh.unlink(missing_ok=True)
+        if fresh is not None:
+            fresh.unlink(missing_ok=True)
         raise RunError(f"{path}: cannot be repaired: {error.strerror}") from error
     return Repair(path, count, records.damage)
 
