@@ -20,6 +20,7 @@ from hil.control.trajectory import UNIFORM, CueTrajectory
 from hil.control.washout import Washout, WashoutSettings
 from hil.errors import RunError
 from hil.runs.cuemap import TIME_UNITS, Channel, CueMap
+from hil.runs.importing.clocks import GAP
 from hil.runs.importing.tables import TableSource, read_csv, read_parquet
 from hil.runs.table import check_increasing
 
@@ -33,8 +34,6 @@ SPEED_LOW_PASS_HZ: Final = 1.0
 """A speed is smoothed so before it is differentiated, unless its channel says otherwise: wheel
 sensors step, and a step of speed is a spike of acceleration."""
 
-GAP: Final = 3.0
-"""Steps longer than this many usual steps are told: what happened in between is drawn through."""
 LONGEST_GAP_S: Final = 60.0
 """Rows further apart are two rides, or a clock that was set meanwhile."""
 SLOWEST_S: Final = 2.0
@@ -183,7 +182,7 @@ def _moved(source: CueTrajectory, c: Channel) -> tuple[CueTrajectory, str]:
         values = np.gradient(values, source.step_s)
         words.append("differentiated")
     washed = _washed(values, c, source.step_s)
-    is_tilt = c.kind != "rate" and c.coordinate in ("pitch", "roll")
+    is_tilt = c.kind != "angular rate" and c.coordinate in ("pitch", "roll")
     words.append("felt as tilt" if is_tilt else "washed out")
     return replace(source, poses=washed[:, None]), ", ".join(words)
 
@@ -192,7 +191,7 @@ def _washed(values: Array, c: Channel, dt_s: float) -> Array:
     """Pose (m,) of one coordinate when one acceleration or rate (m,) alone moves the vehicle."""
     washout = Washout((c.coordinate,), dt_s, WashoutSettings(gain=1.0))
     inputs = np.zeros((len(values), 2, 3))
-    if c.kind == "rate":
+    if c.kind == "angular rate":
         inputs[:, 1, _TURNED_BY[c.coordinate]] = values
     else:
         inputs[:, 0, _TILTED_BY[c.coordinate]] = values
