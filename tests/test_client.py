@@ -7,14 +7,18 @@ import runpy
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
 from hil.client import Feed, RigClient
 from hil.daemon.gateway.gateway import GatewayOptions
 from hil.daemon.records import EventRecord, ReplyRecord
-from hil.errors import ProtocolError, RigNotReached
+from hil.errors import ConfigError, ProtocolError, RigNotReached
+from hil.messages import CueMessage, decode
 from tests.daemon.gateway_rig import gateway, until
 
 QUIET = GatewayOptions(is_recording=False)
@@ -50,6 +54,40 @@ def test_a_cue_names_what_moves_and_leaves_the_rest_neutral(running, rig):
 def test_a_coordinate_that_the_rig_has_not_is_refused_before_it_is_sent(rig):
     with pytest.raises(ProtocolError, match="no coordinate heave; it has yaw, pitch, roll"):
         rig.cue(heave=0.1)
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf")])
+def test_a_number_that_is_none_is_refused_before_it_is_sent(rig, number):
+    with pytest.raises(ProtocolError, match=f"roll = {number}: a cue holds finite numbers only"):
+        rig.cue(roll=number)
+    with pytest.raises(ProtocolError, match=f"dt = {number}"):
+        rig.cues([{"dt": number}])
+    assert rig.cue(roll=0.01) == 1
+
+
+def test_cues_of_several_threads_are_numbered_in_the_order_in_which_they_leave(rig, monkeypatch):
+    class Wire:
+        id = rig._cue.id
+        sent: ClassVar = []
+
+        def put(self, payload, **_):
+            time.sleep(1e-4)
+            self.sent.append(decode(payload, CueMessage))
+
+    monkeypatch.setattr(rig, "_cue", Wire())
+    with ThreadPoolExecutor(4) as pool:
+        numbers = list(pool.map(lambda _: rig.cue(roll=0.01), range(40)))
+    assert sorted(numbers) == [cue.seq for cue in Wire.sent] == list(range(1, 41))
+    assert all(a.t <= b.t for a, b in pairwise(Wire.sent))
+
+
+@pytest.mark.parametrize("content", [None, "{ mode: ", "{ nonsense: 1 }"])
+def test_a_zenoh_file_that_is_none_is_named(tmp_path, content):
+    path = tmp_path / "zenoh.json5"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(ConfigError, match=r"zenoh.json5: cannot be read as a Zenoh file"):
+        RigClient("motorcycle", config=path).open()
 
 
 def test_states_arrive_one_by_one_and_the_last_one_is_at_hand(running, rig):

@@ -102,6 +102,19 @@ def test_lost_frames_are_counted_and_late_ones_stamped_when_they_were_taken():
     assert np.all(np.diff(sampled) > 0.0)
 
 
+def test_frames_that_come_twice_and_nodes_that_begin_anew_are_no_loss():
+    rig = load_bicycle("bicycle")
+    nodes = NodesReceiver(rig)
+    base, imu = rig.sensors.base_id, rig.can.imu_base_id
+    for k, counter in enumerate([1000, 1001, 1001, 1002, 0, 1, 3]):
+        for frame in (
+            encode_lean(base, 0.1, counter, saturated=False),
+            *encode_imu(imu, (0.0, 0.0, 0.0), (0.0, 0.0, 9.8), counter),
+        ):
+            nodes.on_frame(0.01 * k, frame)
+    assert (nodes.lost["lean"], nodes.imu.lost) == (1, 2)
+
+
 def test_a_counter_that_starts_anew_is_followed():
     clock = NodeClock(0.01)
     assert clock.sampled_s(1, 10.0) == pytest.approx(10.0)

@@ -95,6 +95,23 @@ def test_nothing_at_rest_and_a_first_pose_that_lies_are_refused():
         calibrate([run_of(lying)], lying.rig)
 
 
+def test_an_accelerometer_in_g_and_one_that_is_stamped_apart_are_refused():
+    still = Still(POSES[:1])
+    accel = [f"imu.accel_{a}" for a in "xyz"]
+    still.table[accel] /= 9.81
+    with pytest.raises(
+        IdentificationError, match=r"feels 1\.0\d* m/s² and not gravity: is it in g"
+    ):
+        calibrate([run_of(still)], still.rig)
+    still = Still(POSES[:1])
+    still.table.loc[::2, accel] = np.nan
+    still.table.loc[1::2, [f"imu.gyro_{a}" for a in "xyz"]] = np.nan
+    with pytest.raises(
+        IdentificationError, match=r"holds 0 instants with all of imu\.gyro_x, .* apart"
+    ):
+        calibrate([run_of(still)], still.rig)
+
+
 @pytest.mark.shared
 def test_a_real_accelerometer_in_many_poses():
     """An Xsens sensor held in poses: |a| comes to g within 2 mm/s2, only with bias, scale AND cross terms."""

@@ -51,12 +51,39 @@ def test_what_is_too_much_is_scaled_and_said(tmp_path):
     assert not any(name.startswith("cue_") for name in session.events())
 
 
+def test_the_measured_ride_is_not_overwritten_by_its_cues(tmp_path):
+    log = written(tmp_path)
+    measured = log.read_bytes()
+    result = run(app, [*FROM_LOG, str(log), "--out", str(tmp_path / "." / "ride.csv")])
+    assert isinstance(result.exception, RunError)
+    assert "ride.csv: is the log itself" in str(result.exception)
+    assert log.read_bytes() == measured
+
+
 def test_a_cue_file_of_another_rig_is_refused(tmp_path):
     out = tmp_path / "cue.csv"
     args = ["cue", "from-log", str(written(tmp_path, 2.0)), "--map", "roll=lean:deg, t=time:s"]
     assert run(app, [*args, "--out", str(out)]).exit_code == 0
     with pytest.raises(ConfigError, match="axis has position"):
         file_cues(rig_file("axis"), out)
+
+
+def test_a_cue_file_beyond_the_limits_is_refused_and_can_be_made_to_fit(tmp_path):
+    rig = load_rig("motorcycle")
+    limits = dict(zip(rig.coordinates, rig.limits, strict=True))
+    file, fitted = tmp_path / "cue.csv", tmp_path / "fitted.csv"
+    file.write_text("t,yaw,pitch,roll\n0,0,0,0\n" + f"1,0,0,{-limits['roll']}\n2,0,0,0\n")
+    assert sum(1 for _ in file_cues(rig, file)) == 101
+    t = np.arange(0.0, 6.0, 0.01)
+    table = np.column_stack([t, 0.0 * t, 0.0 * t, -30.0 * np.sin(t)])
+    np.savetxt(file, table, delimiter=",", header="t,yaw,pitch,roll", comments="")
+    with pytest.raises(ConfigError, match=r"cue.csv: roll goes to -?30, the rig motorcycle to ±"):
+        file_cues(rig, file)
+    result = run(
+        app, ["cue", "from-log", str(file), "--map", "roll=roll:deg, t=t:s", "-o", str(fitted)]
+    )
+    assert result.exit_code == 0, result.output
+    assert sum(1 for _ in file_cues(rig, fitted)) == 300
 
 
 def test_a_map_that_names_no_column_says_which_there_are(tmp_path):

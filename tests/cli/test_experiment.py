@@ -18,6 +18,23 @@ run = CliRunner().invoke
 STEP = ["experiment", "axis", "step", "--count", "1", "--hold", "0.5"]
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["step", "--amplitude", "1e6"],
+        ["step", "--amplitude", "1e308"],
+        ["sweep", "--f-min", "1e-9"],
+        ["heave", "--frequency", "1e-9"],
+        ["multisine", "--period", "600", "--periods", "1000"],
+    ],
+)
+@pytest.mark.filterwarnings("ignore:overflow encountered")
+def test_a_motion_that_nobody_lives_to_see_is_refused(words):
+    result = run(app, ["experiment", "axis", *words])
+    assert isinstance(result.exception, ConfigError)
+    assert "at most 21600 s are played: is it asked for in m, rad and Hz?" in str(result.exception)
+
+
 def test_a_dry_run_writes_motion_description_and_page_and_plays_nothing(tmp_path):
     result = run(app, [*STEP, "--dry-run", str(tmp_path / "out")], catch_exceptions=False)
     assert result.exit_code == 0

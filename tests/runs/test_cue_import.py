@@ -61,7 +61,8 @@ def test_map_in_toml_says_the_same(tmp_path: Path) -> None:
         ("", "names no coordinate; an example"),
         ("roll", "'roll' is not coordinate=column:unit"),
         ("roll=lean", "'roll=lean' is not coordinate=column:unit"),
-        ("roll=lean:furlong", "'furlong' is no unit that hil knows: rad, deg"),
+        ("roll=lean:furlong", "'furlong' is no unit of a motion that hil knows: m, cm, mm"),
+        ("roll=i:A", "'A' is no unit of a motion"),
         ("roll=lean:rad*", "is not coordinate=column:unit"),
         ("roll=lean:rad*1e", "could not convert"),
         ("roll=lean:rad*1e999", "scale must be finite"),
@@ -136,6 +137,21 @@ def test_steady_turn_washes_out(tmp_path: Path, rig: RigFile) -> None:
     assert abs(yaw[-1]) < 1e-4
 
 
+def test_gaps_of_a_log_are_told(tmp_path: Path, rig: RigFile) -> None:
+    t = np.where(T < 1.0, T, T + 0.5)
+    path = log(tmp_path / "a.csv", t=t.tolist(), lean=np.sin(T).tolist())
+    (note,) = [
+        n for n in cue_from_log(path, read_cue_map("roll=lean:rad, t=t:s"), rig).notes if "gap" in n
+    ]
+    row = int(np.argmax(np.diff(t))) + 1
+    assert note.startswith(
+        f"1 gaps, the longest {0.5 + T[1] - T[0]:.3g} s after row {row}: nobody measured"
+    )
+    path = log(tmp_path / "b.csv", t=T.tolist(), lean=np.sin(T).tolist())
+    notes = cue_from_log(path, read_cue_map("roll=lean:rad, t=t:s"), rig).notes
+    assert not any("gap" in note for note in notes)
+
+
 def test_uneven_time_column_is_resampled(tmp_path: Path, rig: RigFile) -> None:
     t = np.sort(T + np.random.default_rng(1).uniform(-0.004, 0.004, len(T)))
     path = log(tmp_path / "a.csv", ms=1000.0 * (t + 77.0), lean=np.sin(t))
@@ -193,6 +209,25 @@ def test_every_kind_of_table_reads_the_same(tmp_path: Path, rig: RigFile, name: 
             None,
             "a.csv: column ms: a row each 1e-05 s is no ride: the map says us, is its unit coarser?",
         ),
+        (
+            {"a": [0.0] * 50, "s": [0.01 * k + 1.7e9 * (k > 19) for k in range(50)]},
+            "roll=a:rad, t=s:s",
+            None,
+            "a.csv: column s: 1.7e+09 s without a row after row 20: two rides, or a clock that was set",
+        ),
+        (
+            {"a": [0.0] * 50},
+            "roll=a:rad",
+            np.inf,
+            "a.csv: a row each 0 s is no ride: is its rate inf Hz?",
+        ),
+        (
+            {"a": [0.0] * 50},
+            "roll=a:rad",
+            np.nan,
+            "a.csv: a row each nan s is no ride: is its rate nan",
+        ),
+        ({"a": [0.0] * 50}, "roll=a:rad@1e-9", 100.0, "column a: cut-off 1e-09 Hz is too low"),
         (
             {"a": [0.0] * 50, "ms": [1.0 * k for k in range(50)]},
             "roll=a:rad@2, t=ms:s",
@@ -277,7 +312,10 @@ def test_cue_file_keeps_motion_rig_and_provenance(tmp_path: Path) -> None:
         ("t,roll\n0,0\n1,high\n", "column roll, row 2: 'high' is not a finite number"),
         ("t,roll\n0,0\n", "holds 1 poses of 1 coordinates"),
         ("t\n0\n1\n", "holds 2 poses of 0 coordinates"),
-        ("", "is no cue file"),
+        ("\ufeff# hil-cue/2\nt,roll\n0,0\n1,0\n", "format is 'hil-cue/2'"),
+        ("", "is no table of separated values"),
+        ("t,roll\n0,0\n1,1,5\n", "is no table of separated values"),
+        ("t,yaw,roll\n9,0,0,1\n9,1,1,2\n", "is no table of separated values"),
     ],
 )
 def test_bad_cue_file_gets_its_sentence(tmp_path: Path, content: str, sentence: str) -> None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import gzip
+import lzma
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import scipy.io
+from mcap.writer import Writer
 
 from hil.configfile import rig_toml
 from hil.errors import ConfigError, HilError, RunError
@@ -34,6 +38,19 @@ def changed(column: str, rows: object, value: object) -> object:
     values = np.array(motion()[column], dtype=object)
     values[rows] = value
     return values
+
+
+def test_messages_of_numbers_and_nests_beyond_all_bounds(tmp_path):
+    log = tmp_path / "log.mcap"
+    with log.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/a", "json", 0)
+        for k, text in enumerate(['{"x": 1}', "[" * 100_000, f'{{"x": {10**400}}}']):
+            writer.add_message(channel, k, text.encode(), k)
+        writer.finish()
+    signal = '[signals]\n"axis.position" = { column = "/a:x", unit = "m" }\n'
+    assert "/a:x, message 2: is not a finite number" in refused(log, signal)
 
 
 # --- the map --------------------------------------------------------------------------------------
@@ -150,6 +167,34 @@ def test_files_that_are_none_are_named(tmp_path):
     assert f"{log}: cannot be read" in refused(log)
 
 
+@pytest.mark.parametrize(("ending", "pack"), [(".gz", gzip.compress), (".xz", lzma.compress)])
+def test_a_packed_log_with_a_wrong_byte_is_named(tmp_path, ending, pack):
+    log = tmp_path / f"log.csv{ending}"
+    packed = bytearray(pack(motion().to_csv(index=False).encode()))
+    packed[len(packed) // 2] ^= 0xFF
+    log.write_bytes(packed)
+    assert f"{log}: cannot be read" in refused(log)
+
+
+@pytest.mark.parametrize("form", ["4", "5"])
+def test_a_mat_file_with_wrong_bytes_is_named(tmp_path, form):
+    log = tmp_path / "log.mat"
+    table = {c: motion()[c].to_numpy() for c in motion()}
+    scipy.io.savemat(log, table, format=form, do_compression=form == "5")
+    content = bytearray(log.read_bytes())
+    content[0 if form == "4" else len(content) // 2] ^= 0xFF
+    log.write_bytes(content)
+    assert f"{log}: cannot be read as a MAT file" in refused(log)
+
+
+def test_a_row_with_a_cell_too_many_is_named_wherever_it_stands(tmp_path):
+    log = as_csv(tmp_path, motion())
+    lines = log.read_text().splitlines()
+    lines[500] = lines[500].replace(",", ",1,", 1)  # a thousand with a comma, say
+    log.write_text("\n".join(lines))
+    assert "Expected 5 fields in line 501, saw 6" in refused(log)
+
+
 def test_a_cell_that_is_no_number_is_named_by_column_and_row(tmp_path):
     log = log_with(tmp_path, force=changed("force", 700, "overload"))
     assert f"{log}: column force, row 701: 'overload' is not a finite number" in refused(log)
@@ -171,6 +216,16 @@ def test_a_clock_that_runs_back_is_named_by_row(tmp_path):
 def test_an_empty_stamp_is_named_by_row(tmp_path):
     log = log_with(tmp_path, time=changed("time", 99, ""))
     assert f"{log}: column time, row 100: is empty" in refused(log)
+
+
+@pytest.mark.parametrize("row", [0, 7, -1])
+def test_a_date_that_lacks_is_named_by_row(tmp_path, row):
+    dates = pd.Timestamp("2026-01-31T12:00Z") + pd.to_timedelta(motion()["time"], unit="ms")
+    dates.iloc[row] = pd.NaT
+    log = tmp_path / "log.parquet"
+    motion().assign(time=dates).to_parquet(log)
+    place = f"column time, row {row % len(dates) + 1}: is empty"
+    assert place in refused(log, ALL.replace('"ms"', '"datetime"'))
 
 
 def test_equal_stamps_are_a_fault_unless_the_map_allows_the_last_of_them(tmp_path):

@@ -105,6 +105,16 @@ def test_parquet_with_dates_and_the_date_becomes_the_start(tmp_path):
     assert run.meta.started == datetime(2026, 1, 31, 12, 0, 0, 500_000, tzinfo=UTC)
 
 
+def test_parquet_with_dates_of_a_zone_where_clocks_are_set_back_meanwhile(tmp_path):
+    began = pd.Timestamp("2026-10-25T00:59:58Z").tz_convert("Europe/Berlin")
+    table = MOTION.assign(time=began + pd.to_timedelta(MOTION["time"] - 7000.0, unit="ms"))
+    path = tmp_path / "log.parquet"
+    table.set_index("time").to_parquet(path)  # as pandas keeps what is indexed by time
+    run = brought(path, CLOCK.replace("ms", "datetime") + SIGNALS)
+    assert holds_the_motion(run)
+    assert run.meta.started == datetime(2026, 10, 25, 0, 59, 58, tzinfo=UTC)
+
+
 def test_dates_in_words_and_counts_of_samples(tmp_path):
     stamps = pd.Timestamp("2026-01-31T12:00Z") + pd.to_timedelta(np.arange(len(MOTION)) * 2, "ms")
     path = as_csv(tmp_path, MOTION.assign(time=stamps.map(lambda s: s.isoformat())))

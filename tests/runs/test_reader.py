@@ -122,12 +122,31 @@ def test_message_that_breaks_its_schema_is_counted_not_followed(recorder: Record
     recorder._mcap.write("/setpoint", "setpoint", good.replace(b"5000.0", b"5000.1"), 2)
     recorder._mcap.write("/setpoint", "setpoint", good.replace(b"0.6", b"null"), 3)
     recorder._mcap.write("/setpoint", "setpoint", good.replace(b"position", b"torque"), 4)
-    recorder._mcap.write("/elsewhere", "setpoint", b"{}", 5)
+    recorder._mcap.write("/setpoint", "setpoint", good.replace(b"leg1", b"l\xf3g1"), 5)
+    recorder._mcap.write("/elsewhere", "setpoint", b"{}", 6)
     recorder.close()
     run = load_run(recorder.path)
     assert len(run.table) == 2
     assert run.damage is not None
-    assert "2 of /setpoint" in run.damage
+    assert "3 of /setpoint" in run.damage
+
+
+@pytest.mark.parametrize("line", [b"\x00" * 300 + b"\n", b'{"t": 5000.1, "name": "caf\xe9"}\n'])
+def test_events_that_a_power_cut_hurt_are_read_from_the_recording(
+    finished: Path, line: bytes
+) -> None:
+    whole = load_run(finished)
+    with (finished / "events.jsonl").open("ab") as stream:
+        stream.write(line)
+    run = load_run(finished)
+    assert run.events == whole.events
+    assert run.damage is not None
+    assert "events.jsonl: line 3: is no event" in run.damage
+    export_run(whole, finished.parent / "theirs")
+    with (finished.parent / "theirs" / "events.jsonl").open("ab") as stream:
+        stream.write(line)
+    with pytest.raises(RunError, match="line 3: is no event"):
+        load_run(finished.parent / "theirs")
 
 
 def test_signal_whose_time_runs_back_is_refused(recorder: Recorder) -> None:
@@ -168,6 +187,30 @@ def test_export_and_back_keeps_every_sample(finished: Path, tmp_path: Path, kind
     assert again.rig == run.rig
     assert again.meta.rig == run.meta.rig
     assert again.meta.started == run.meta.started
+
+
+def test_export_keeps_what_the_run_knows_of_its_rig(finished: Path, tmp_path: Path) -> None:
+    alone = tmp_path / "alone.mcap"
+    shutil.copyfile(finished / "recording.mcap", alone)
+    assert load_run(export_run(load_run(alone), tmp_path / "bare")).rig == load_run(alone).rig
+    (finished / "extra.parquet").write_bytes(b"speed")
+    folder = export_run(load_run(finished), tmp_path / "out")
+    for name in ("rig.toml", "extra.parquet", "drives/lust_cdd3000/drive.toml"):
+        assert (folder / name).read_bytes() == (finished / name).read_bytes()
+
+
+def test_export_that_the_disk_does_not_take_whole_is_no_run(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(self: pd.DataFrame, path: Path, **_: object) -> None:
+        path.write_text("t,leg1.position\n0.0,0.6\n0.01,0.6\n0.02,0.")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(pd.DataFrame, "to_csv", full)
+    with pytest.raises(RunError, match="cannot be written: No space left on device"):
+        export_run(load_run(finished), tmp_path / "out", "csv")
+    with pytest.raises(RunError, match=r"is no run folder"):
+        load_run(tmp_path / "out")
 
 
 def test_export_never_overwrites(finished: Path, tmp_path: Path) -> None:
@@ -259,6 +302,32 @@ def test_broken_run_toml_gets_its_sentence(folder: Make, meta: str, sentence: st
     assert sentence in str(caught.value)
     assert "run.toml" in str(caught.value)
     assert list_runs(path.parent)[0].trouble == str(caught.value)
+
+
+def test_rows_with_a_cell_too_many_are_no_shifted_columns(folder: Make) -> None:
+    path = folder()
+    rows = ["0.0,0.6,0.6,1", "0.1,0.7,0.6,2", "0.2,0.8,0.7,3"]
+    for cut in (0, 1):
+        lines = [
+            "t,leg1.setpoint,leg1.position",
+            *(r[: -2 * cut or None] for r in rows[:2]),
+            rows[2],
+        ]
+        (path / "signals.csv").write_text("\n".join(lines))
+        with pytest.raises(RunError, match=r"signals.csv: is no table of separated values"):
+            load_run(path)
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+def test_times_without_a_zone_are_utc_wherever_they_are_read(folder: Make, zone: str) -> None:
+    ended = "[recording]\nended = 2026-01-31T12:00:02Z\n"
+    path = folder(RUN_TOML + f"started = 2026-01-31T12:00:00{zone}\n" + ended)
+    hour = 10 if zone == "+02:00" else 12
+    run = load_run(path)
+    assert run.meta.started is not None
+    assert run.meta.started.isoformat() == f"2026-01-31T{hour}:00:00+00:00"
+    (info,) = list_runs(path.parent)
+    assert info.duration_s == 2.0 + 3600.0 * (12 - hour)
 
 
 def test_signal_that_this_rig_has_not_is_refused(folder: Make, rig: RigFile) -> None:

@@ -8,18 +8,21 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
+from typing import IO
 
 import can
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from hil.config import RigFile
 from hil.errors import RunError
 from hil.frames import Frame, StampedFrame
-from hil.runs import Recorder, list_runs, load_run, repair_run
+from hil.runs import Recorder, list_runs, load_run, repair, repair_run
 from hil.runs.canlog import read_can_log
 from hil.runs.folder import read_meta, sha256
+from hil.runs.mcapfile import McapSource
 from hil.signals import Cue, Event, TimedPose
 
 from .conftest import START_S, STARTED, tell
@@ -137,8 +140,9 @@ def test_folder_that_cannot_be_made_is_a_run_error(
 
 def test_living_recording_is_known_as_such_and_not_repaired(recorder: Recorder) -> None:
     assert [i.trouble for i in list_runs(recorder.path.parent)] == ["is being recorded"]
-    with pytest.raises(RunError, match="is being recorded right now"):
-        repair_run(recorder.path)
+    for path in (recorder.path, recorder.path / "journal.mcap"):
+        with pytest.raises(RunError, match="is being recorded right now"):
+            repair_run(path)
     recorder.close()
     assert [i.trouble for i in list_runs(recorder.path.parent)] == [None]
 
@@ -186,6 +190,61 @@ def test_kill_9_costs_less_than_a_second_and_repair_completes_the_file(tmp_path:
         summary = make_reader(stream).get_summary()
     assert summary is not None
     assert repair_run(info.path).damage is None
+
+
+def test_repair_keeps_what_others_wrote_in_other_encodings(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=500)
+        writer.start(profile="ros2", library="theirs")
+        writer.add_metadata("who", {"lab": "Delft"})
+        json_id = writer.register_channel("/a", "json", writer.register_schema("a", "", b""))
+        proto = writer.register_schema("b", "protobuf", b"\x00\xff")
+        proto_id = writer.register_channel("/b", "protobuf", proto, {"frame": "base"})
+        for k in range(100):
+            writer.add_message(json_id, k, b'{"x": 1}', k + 1, k)
+            writer.add_message(proto_id, k, bytes([k]), k + 2, k)
+        writer.finish()
+    assert len(list(McapSource(path))) == 100
+
+    def told() -> list[tuple[str, dict[str, str], int, int, int, bytes]]:
+        with path.open("rb") as stream:
+            return [
+                (c.topic, c.metadata, m.log_time, m.publish_time, m.sequence, m.data)
+                for _, c, m in make_reader(stream).iter_messages(log_time_order=False)
+            ]
+
+    whole = told()
+    path.write_bytes(path.read_bytes()[:-200])
+    assert repair_run(path).messages == 200
+    assert told() == whole
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        assert [m.metadata for m in reader.iter_metadata()] == [{"lab": "Delft"}]
+
+
+def test_two_repairs_at_once_take_nothing_from_each_other(
+    finished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = load_run(finished)
+    recording = finished / "recording.mcap"
+    recording.chmod(0o640)
+    recording.write_bytes(recording.read_bytes()[:-200])
+    copy = repair.copy_records
+
+    def meanwhile(path: Path, stream: IO[bytes]) -> None:
+        monkeypatch.setattr(repair, "copy_records", copy)
+        assert repair_run(path).damage is not None
+        copy(path, stream)
+
+    monkeypatch.setattr(repair, "copy_records", meanwhile)
+    assert repair_run(finished).damage is not None
+    run = load_run(finished)
+    assert run.damage is None
+    assert run.table.equals(whole.table)
+    assert recording.stat().st_mode & 0o777 == 0o640
+    assert not [p for p in finished.iterdir() if p.name.startswith(".")]
 
 
 FULL = textwrap.dedent(
@@ -244,6 +303,8 @@ def test_full_disk_keeps_all_that_was_written_before(
     run = load_run(recorder.path)
     assert run.table["t"].iloc[-1] >= 2.99
     assert [e.name for e in run.events] == ["recorder_stopped"]
+    (info,) = list_runs(recorder.path.parent)
+    assert info.trouble == "recording stopped: No space left on device"
 
 
 def test_a_disk_that_is_full_already_is_named_and_gets_no_folder(
@@ -261,6 +322,15 @@ def test_reserve_of_the_disk_is_left_alone(
     tell(recorder, rig, 0, 100)
     assert recorder.stopped is not None
     assert "stay reserved" in recorder.stopped.text
+    run = load_run(recorder.path)
+    assert run.damage is None
+    assert [e.name for e in run.events] == ["recorder_stopped"]
+    (info,) = list_runs(recorder.path.parent)
+    assert info.duration_s == pytest.approx(0.5, abs=0.02)
+    assert info.trouble is not None
+    assert info.trouble.startswith("recording stopped: only ")
+    recorder.close("asked for")
+    assert list_runs(recorder.path.parent) == [info]
 
 
 def test_a_pose_that_comes_again_stands_once(recorder: Recorder) -> None:

@@ -22,6 +22,7 @@ from hil.config.bicycle import Sensors
 from hil.errors import IdentificationError
 from hil.rigs.bicycle.parameters import rotation
 from hil.runs import Run
+from hil.runs.importing.checks import ACCEL_NORM
 from hil.signals import IMU_QUANTITIES
 
 Array = NDArray[np.float64]
@@ -157,6 +158,17 @@ def _poses(run: Run, rig: BicycleFile) -> list[Pose]:
         raise IdentificationError(f"{run.path.name}: holds no {', '.join(missing)}")
     imu = run.table[columns].dropna().to_numpy(dtype=float)
     t, values = imu[:, 0], imu[:, 1:]
+    if len(t) < 2:
+        raise IdentificationError(
+            f"{run.path.name}: holds {len(t)} instants with all of {', '.join(columns[1:])}: were gyroscope "
+            "and accelerometer stamped apart?"
+        )
+    felt = float(np.median(np.linalg.norm(values[:, 3:], axis=1)))
+    if not ACCEL_NORM[0] < felt < ACCEL_NORM[1]:
+        raise IdentificationError(
+            f"{run.path.name}: the accelerometer feels {felt:.4g} m/s² and not gravity: is it in g, or is "
+            "gravity taken off?"
+        )
     step_s = float(np.median(np.diff(t)))
     width = max(int(WINDOW_S / step_s), 4)
     count = len(t) // width

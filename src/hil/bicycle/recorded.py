@@ -14,8 +14,9 @@ from hil.config import BicycleFile
 from hil.config.bicycle import SIGNALS
 from hil.errors import RunError
 from hil.runs import Run
+from hil.runs.folder import EXTRA
 from hil.runs.importing.findings import Finding
-from hil.runs.importing.importer import EXTRA
+from hil.runs.table import parquet_table
 
 Array = NDArray[np.float64]
 
@@ -87,7 +88,7 @@ def _series(table: pd.DataFrame, column: str) -> Series:
 def _rolled_by_speed(run: Run, rig: BicycleFile, findings: list[Finding]) -> Series:
     """The wheel's angle from a logged speed, where the bicycle counts no turns of its wheel."""
     path = run.path / EXTRA
-    extra = pd.read_parquet(path) if path.is_file() else pd.DataFrame()
+    extra = parquet_table(path) if path.is_file() else pd.DataFrame()
     if "speed" not in extra:
         raise RunError(
             f"{run.path}: holds no rear_wheel, nor a speed among its extras to count it from"

@@ -75,9 +75,9 @@ def check(rig: BicycleArgument, json: JsonFlag = False) -> None:
         }
         write_json(answer)
         return
-    out.print(f"{find_rig_file(rig)}: {bicycle.name}", markup=False, soft_wrap=True)
+    out.print(f"{find_rig_file(rig)}: {bicycle.name}", soft_wrap=True)
     for text in doubts:
-        out.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
+        out.print(f"warning: {text}", style="yellow", soft_wrap=True)
     said = (
         "nowhere up to 15 m/s" if stable is None else f"from {stable[0]:.3f} to {stable[1]:.3f} m/s"
     )
@@ -127,7 +127,7 @@ def simulate(
     way = replace(told, cruise=cruise or told.cruise, turning=turning or told.turning)
     ride = way.ride(bicycle, seed, road_m=road)
     save(ride, folder, f"simulated ride: {track}, seed {seed}")
-    err.print(f"{folder}: {ride.truth.t_s[-1]:.1f} s recorded", markup=False, soft_wrap=True)
+    err.print(f"{folder}: {ride.truth.t_s[-1]:.1f} s recorded", soft_wrap=True)
 
 
 @app.command("analyse")
@@ -149,7 +149,7 @@ def analyse_command(
     if page:
         target = report or (run if run.is_dir() else run.parent) / "ride.html"
         ride_page(analysis, target)
-        err.print(f"page: {target}", markup=False, soft_wrap=True)
+        err.print(f"page: {target}", soft_wrap=True)
 
 
 def ride_of(path: Path, rig: str | None) -> Ride:
@@ -190,9 +190,7 @@ def show(a: Analysis) -> None:
     n = a.numbers()
     style = {"warning": "yellow", "fault": "red"}
     for f in a.findings:
-        out.print(
-            f"{f.subject}: {f.text}", style=style.get(f.verdict, ""), markup=False, soft_wrap=True
-        )
+        out.print(f"{f.subject}: {f.text}", style=style.get(f.verdict, ""), soft_wrap=True)
     drift, front, rear = n["drift"], n["friction_demand_front"], n["friction_demand_rear"]
     lines = [
         f"{n['duration_s']:.1f} s, {n['distance_m']:.1f} m, up to {n['speed_max']:.2f} m/s; ends "
@@ -207,7 +205,7 @@ def show(a: Analysis) -> None:
         f"makes {n['lean_torque_noise_rms']:.1f}",
     ]
     for line in lines:
-        out.print(line, markup=False, soft_wrap=True)
+        out.print(line, soft_wrap=True)
     if not a.compared:
         return
     table = Table(

@@ -83,7 +83,7 @@ def record_command(
                 control.open()
                 listeners.append(control.hear)
                 where = ", ".join(bicycle.zenoh.listen) or bicycle.zenoh.config
-                err.print(f"hil command {rig} record on, at {where}", markup=False, soft_wrap=True)
+                err.print(f"hil command {rig} record on, at {where}", soft_wrap=True)
             await acquire(acquisition, port, time.monotonic, seconds, wait=wait)
 
     port = open_port(url, bitrate_bps=bicycle.can.bitrate)
@@ -92,7 +92,7 @@ def record_command(
             asyncio.run(serve(port))
     finally:  # a bus that goes away in the middle takes no run with it
         for path in acquisition.paths:
-            out.print(str(path), markup=False, soft_wrap=True)
+            out.print(str(path), soft_wrap=True)
 
 
 def nodes_command(
@@ -122,7 +122,7 @@ def nodes_command(
                 await asyncio.sleep(3.0)  # for whoever waits for the bus to be there
             port = open_port(url, bitrate_bps=bicycle.can.bitrate)
             stack.callback(port.close)
-            err.print(f"{bicycle.name}'s nodes speak on {url}", markup=False, soft_wrap=True)
+            err.print(f"{bicycle.name}'s nodes speak on {url}", soft_wrap=True)
             unsent = await play(frames_of(bicycle, table), port, time.monotonic)
             await asyncio.sleep(0.2)  # the last frames are still on the wire
             return unsent
@@ -172,14 +172,14 @@ def calibrate_command(
     out.print(f"axes off square by {cross} (xy, xz, yz)")
     for note in found.notes:
         style = "yellow" if note.startswith("warning") else ""
-        out.print(note, style=style, markup=False, soft_wrap=True)
+        out.print(note, style=style, soft_wrap=True)
     out.print(f"gravity is met within {found.residual:.4f} m/s² over {len(found.poses)} poses")
     text = rig_toml(found.applied(bicycle), s.provenance)
     try:
         out_file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise RunError(f"{out_file}: cannot be written: {error.strerror}") from error
-    err.print(f"{out_file} written", markup=False, soft_wrap=True)
+    err.print(f"{out_file} written", soft_wrap=True)
 
 
 def _teller() -> Callable[[Told], None]:
@@ -189,10 +189,10 @@ def _teller() -> Callable[[Told], None]:
     def tell(told: Told) -> None:
         nonlocal shown_s
         if told.text:
-            err.print(told.text, markup=False, soft_wrap=True)
+            err.print(told.text, soft_wrap=True)
         if told.state is not None and told.state.t_s - shown_s >= 0.5:
             shown_s = told.state.t_s
-            err.print(_line(told.state), markup=False, soft_wrap=True)
+            err.print(_line(told.state), soft_wrap=True)
 
     return tell
 

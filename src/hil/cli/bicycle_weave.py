@@ -82,13 +82,11 @@ def _show(found: WeaveGap) -> None:
     out.print(ranked)
     out.print(
         f"{found.impulses} impulses; the model is off by {found.whole:.3f} 1/s, by {found.before:.3f} on "
-        f"those kept from the fits",
-        markup=False, soft_wrap=True,
+        f"those kept from the fits", soft_wrap=True,
     )  # fmt: skip
     if found.speed_gain is not None:
         g, o = found.speed_gain
         out.print(
-            f"the speed sensor against the treadmill: {g:.4f} v {o:+.4f} m/s",
-            markup=False, soft_wrap=True,
+            f"the speed sensor against the treadmill: {g:.4f} v {o:+.4f} m/s", soft_wrap=True,
         )  # fmt: skip
-    out.print(found.sentence, style="bold", markup=False, soft_wrap=True)
+    out.print(found.sentence, style="bold", soft_wrap=True)

@@ -57,9 +57,9 @@ def check(
 def _show(found: list[Finding]) -> None:
     for f in found:
         out.print(f"{f.level:<5}", style=_STYLES[f.level], end=" ")
-        out.print(f"{f.topic:<10} {f.text}", markup=False, soft_wrap=True)
+        out.print(f"{f.topic:<10} {f.text}", soft_wrap=True)
         if f.remedy:
-            out.print(f"{'':17}→ {f.remedy}", markup=False, soft_wrap=True)
+            out.print(f"{'':17}→ {f.remedy}", soft_wrap=True)
     faults = sum(f.level == "fault" for f in found)
     warnings = sum(f.level == "warn" for f in found)
     out.print(f"{faults} faults, {warnings} warnings")

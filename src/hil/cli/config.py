@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 from rich.table import Table
 
 from hil.bus.schedule import require_schedule_fits
@@ -46,7 +45,7 @@ def check(rig: RigArgument, json: JsonFlag = False) -> None:
         write_json(answer)
     else:
         for text in warnings:
-            out.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
+            out.print(f"warning: {text}", style="yellow", soft_wrap=True)
         out.print(
             f"{path}: {loaded.name} is a {loaded.kind} with "
             f"{len(loaded.actuators)} actuator{'s' if len(loaded.actuators) > 1 else ''}; no fault found"
@@ -62,7 +61,7 @@ def show(rig: RigArgument, json: JsonFlag = False) -> None:
         return
     table = Table("key", "value", "meaning", title=f"{loaded.name} ({loaded.kind})")
     for key, value, meaning in _rows(loaded, ""):
-        table.add_row(escape(key), escape(value), escape(meaning))
+        table.add_row(key, value, meaning)
     out.print(table)
 
 

@@ -8,8 +8,9 @@ import msgspec
 import typer
 from rich.console import Console
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
+# Notes, paths and names are what people wrote: brackets and colons in them are no markup and no pictures.
+out = Console(highlight=False, markup=False, emoji=False)
+err = Console(stderr=True, highlight=False, markup=False, emoji=False)
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Write JSON for a script instead of text.")]
 RigArgument = Annotated[
@@ -24,7 +25,7 @@ RigArgument = Annotated[
 def complain(text: str) -> None:
     """Say what is wrong, on stderr, in red where that shows."""
     for line in text.splitlines():
-        err.print(line, style="red", markup=False, soft_wrap=True)
+        err.print(line, style="red", soft_wrap=True)
 
 
 def write_json(value: Any) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from hil.cli.client import Endpoint
@@ -37,13 +38,23 @@ def ride_cues(rig: RigFile, seconds: float) -> Iterable[Cue]:
 
 
 def file_cues(rig: RigFile, file: Path) -> Iterable[Cue]:
-    """The cues of a cue file; ConfigError where it was made for another kind of rig."""
+    """The cues of a cue file; ConfigError where it is for another kind of rig or leaves this one's limits.
+
+    The guard would move each pose onto the limits: a file in degrees would swing from one to the other.
+    """
     trajectory = read_cue_file(file).trajectory
     if trajectory.coordinates != rig.coordinates:
         raise ConfigError(
             f"{file}: moves {', '.join(trajectory.coordinates)}, but {rig.name} has "
             f"{', '.join(rig.coordinates)}; make it anew with `hil cue from-log ... --rig {rig.name}`"
         )
+    for name, limit, way in zip(rig.coordinates, rig.limits, trajectory.poses.T, strict=True):
+        furthest = float(way[np.argmax(np.abs(way))])
+        if abs(furthest) > limit * (1.0 + 1.0e-6):
+            raise ConfigError(
+                f"{file}: {name} goes to {furthest:.4g}, the rig {rig.name} to ±{limit:g}: is it in m or "
+                "rad? `hil cue from-log` makes a cue file fit"
+            )
     t_s = trajectory.t_s
     return cues(motion_of(trajectory), float(t_s[0]), float(t_s[-1]), file.name)
 
@@ -101,6 +112,8 @@ def from_log(
     said.
     """
     settings = load_rig(rig)
+    if target.exists() and log.exists() and target.samefile(log):
+        raise RunError(f"{target}: is the log itself, which the cue file would take the place of")
     imported = cue_from_log(log, read_cue_map(cue_map), settings, rate_hz)
     try:
         fitted = fit(imported.trajectory, settings, build_rig(settings), low_pass_hz)
@@ -116,8 +129,8 @@ def from_log(
         )
         return
     for note in notes:
-        out.print(note, markup=False, soft_wrap=True)
-    out.print(f"{target}: {duration_s:.1f} s for {settings.name}", markup=False, soft_wrap=True)
+        out.print(note, soft_wrap=True)
+    out.print(f"{target}: {duration_s:.1f} s for {settings.name}", soft_wrap=True)
 
 
 def _stream(rig: RigFile, stream: Iterable[Cue], endpoint: str) -> None:

@@ -66,8 +66,8 @@ def demo(
     run = load_run(folder)
     report = run_report(run, folder / "report.html")
     for line in summary_lines(run):
-        out.print(line, markup=False, soft_wrap=True)
-    out.print(f"report     {report}", markup=False, soft_wrap=True)
+        out.print(line, soft_wrap=True)
+    out.print(f"report     {report}", soft_wrap=True)
     if browser:
         webbrowser.open(report.resolve().as_uri())
 
@@ -252,7 +252,7 @@ def _shown(view: LiveView) -> Iterator[Any]:
         now_s = time.monotonic()
         if now_s - said[0] > 5.0:
             said[0] = now_s
-            err.print(f"{progress}: {view.line()}", markup=False, soft_wrap=True)
+            err.print(f"{progress}: {view.line()}", soft_wrap=True)
 
     yield say
 

@@ -86,7 +86,7 @@ def info(
         write_json(dict(told))
         return
     for name, text in told:
-        out.print(f"{name:<28} {text}", markup=False, soft_wrap=True)
+        out.print(f"{name:<28} {text}", soft_wrap=True)
 
 
 @app.command()
@@ -217,6 +217,6 @@ def _show(label: str, value: objects.Value, json: bool) -> None:
     if json:
         write_json({"name": label, "value": plain})
     elif isinstance(plain, int):
-        out.print(f"{label} = {plain} ({plain:#x})", markup=False, soft_wrap=True)
+        out.print(f"{label} = {plain} ({plain:#x})", soft_wrap=True)
     else:
-        out.print(f"{label} = {plain}", markup=False, soft_wrap=True)
+        out.print(f"{label} = {plain}", soft_wrap=True)

@@ -208,16 +208,13 @@ def _show(marked: Marked) -> None:
             text = ", ".join(f"{c} {n}" for c, n in wrong.items())
             out.print(
                 f"{row} ({sum(columns.values())}) was also called: {text}",
-                markup=False,
                 soft_wrap=True,
             )
     for case, what in marked.unusable:
-        out.print(f"{case}: {what}", style="yellow", markup=False, soft_wrap=True)
+        out.print(f"{case}: {what}", style="yellow", soft_wrap=True)
     if marked.unsealed:
         count = len(marked.unsealed)
-        out.print(
-            f"{count} cases carry no seal that could be checked", style="yellow", markup=False
-        )
+        out.print(f"{count} cases carry no seal that could be checked", style="yellow")
 
 
 def _table(group: Group) -> Table:
@@ -276,8 +273,7 @@ class Progress:
         took_s = time.monotonic() - self._start_s
         left_s = took_s / self._count * (self._total - self._count)
         err.print(
-            f"{self._count}/{self._total} {case}: {text}; about {_minutes(left_s)} left",
-            markup=False, soft_wrap=True,
+            f"{self._count}/{self._total} {case}: {text}; about {_minutes(left_s)} left", soft_wrap=True,
         )  # fmt: skip
 
 

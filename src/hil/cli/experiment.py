@@ -150,7 +150,7 @@ def _play(
             }
         )
     else:
-        out.print(str(folder), markup=False, soft_wrap=True)
+        out.print(str(folder), soft_wrap=True)
 
 
 def read_effects(rig: RigFile, given: list[str]) -> tuple[Effect, ...]:
@@ -185,17 +185,14 @@ def show(made: Design, rig: RigFile) -> None:
     """What was designed: sizes, lines, and the share of each limit that it uses."""
     d = made.description
     sizes = ", ".join(f"{c} {a:.4g}" for c, a in zip(d.coordinates, d.amplitude, strict=True))
-    out.print(f"{d.plan.kind} on {d.rig}: {sizes}; {d.duration_s:.1f} s", markup=False)
+    out.print(f"{d.plan.kind} on {d.rig}: {sizes}; {d.duration_s:.1f} s")
     if d.scaled_because:
-        out.print(
-            f"scaled by {d.scale:.3f} to fit: {d.scaled_because}", markup=False, soft_wrap=True
-        )
+        out.print(f"scaled by {d.scale:.3f} to fit: {d.scaled_because}", soft_wrap=True)
     for lines in d.lines:
         first, last = (lines.excited[i] / d.period_s for i in (0, -1))
         out.print(
             f"{lines.coordinate}: {len(lines.excited)} lines, {first:.3g} to {last:.3g} Hz, period "
             f"{d.period_s:g} s",
-            markup=False,
         )
     if d.detection:
         odd = sum(k % 2 for k in d.detection)
@@ -288,7 +285,7 @@ def _described(
     if isinstance(plan, Custom):
         plan = plan.model_copy(update={"file": str(file.parent / plan.file)})
     if described.purpose:
-        err.print(described.purpose, markup=False, soft_wrap=True)
+        err.print(described.purpose, soft_wrap=True)
     return {"plan": plan, "payload": described.payload if weighed else None}
 
 

@@ -66,7 +66,7 @@ app.command()(batch)
 
 def _show(found: Located) -> None:
     for f in found.findings:
-        out.print(f"{f.subject}: {f.text}", style=_STYLE[f.severity], markup=False, soft_wrap=True)
+        out.print(f"{f.subject}: {f.text}", style=_STYLE[f.severity], soft_wrap=True)
     table = Table(Column("signal", no_wrap=True), "twin off by", "floor", "times", "share of gap")
     for column in table.columns[1:]:
         column.justify = "right"
@@ -86,10 +86,10 @@ def _show(found: Located) -> None:
             out.print(
                 f"{n.name} wants to go further than a calibration may ({n.change:+.3g} {n.unit}): a "
                 "gap pulls at it, or it is wrong in the rig file",
-                style="yellow", markup=False, soft_wrap=True,
+                style="yellow", soft_wrap=True,
             )  # fmt: skip
-    out.print(f"floor: {found.floor_text}", markup=False, soft_wrap=True)
-    out.print(found.sentence, style="bold", markup=False, soft_wrap=True)
+    out.print(f"floor: {found.floor_text}", soft_wrap=True)
+    out.print(found.sentence, style="bold", soft_wrap=True)
 
 
 def _places(found: Located) -> Table:

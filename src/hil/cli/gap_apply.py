@@ -58,19 +58,18 @@ def apply(
             for name, p in cause["parameters"].items()
         )
         out.print(
-            f"{cause['effect'].replace('_', ' ')} at {cause['location']}: {values}",
-            markup=False, soft_wrap=True,
+            f"{cause['effect'].replace('_', ' ')} at {cause['location']}: {values}", soft_wrap=True,
         )  # fmt: skip
     for habit in habits_of(answer):
-        out.print(f"{habit['subject']}: {habit['text']}", markup=False, soft_wrap=True)
+        out.print(f"{habit['subject']}: {habit['text']}", soft_wrap=True)
     for alarm in alarms(causes):
-        err.print(f"alarm: {alarm}", style="yellow", markup=False, soft_wrap=True)
+        err.print(f"alarm: {alarm}", style="yellow", soft_wrap=True)
     if any(getattr(a, "friction_ff", 0.0) for a in _actuators(text)):
         err.print(
             "drives with friction pre-control feed it forward once they are set up by the new file",
-            markup=False, soft_wrap=True,
+            soft_wrap=True,
         )  # fmt: skip
-    err.print(f"rig file: {to}", markup=False, soft_wrap=True)
+    err.print(f"rig file: {to}", soft_wrap=True)
 
 
 def _actuators(text: str) -> tuple[Any, ...]:

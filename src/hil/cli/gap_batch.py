@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 from rich.table import Column, Table
 
 from hil.cli.console import err, out
@@ -73,10 +72,10 @@ def batch(
     )
     todo = open_jobs(work)
     if len(todo) < len(work):
-        err.print(f"{len(work) - len(todo)} of {len(work)} are finished already", markup=False)
+        err.print(f"{len(work) - len(todo)} of {len(work)} are finished already")
     for job, why in todo.items():
         if why:
-            err.print(f"{job.name}: done anew: {why}", markup=False, soft_wrap=True)
+            err.print(f"{job.name}: done anew: {why}", soft_wrap=True)
     failed = run_jobs(list(todo), Progress(len(todo)).done, workers=jobs, scheduler=scheduler)
     table = Table(
         Column("runs", no_wrap=True), "verdict", "effects", Column("p", justify="right"),
@@ -85,10 +84,10 @@ def batch(
     for row in summary(work):
         p, shrink = row["probability"], row["shrink"]
         table.add_row(
-            escape(row["name"]), row["verdict"], escape(row["effects"]), "" if p is None else f"{p:.3f}",
+            row["name"], row["verdict"], row["effects"], "" if p is None else f"{p:.3f}",
             "" if shrink is None else f"{100.0 * shrink:.0f} %",
         )  # fmt: skip
     out.print(table)
     if failed:
-        err.print(f"{failed} of {len(work)} failed", style="red", markup=False)
+        err.print(f"{failed} of {len(work)} failed", style="red")
         raise typer.Exit(1)

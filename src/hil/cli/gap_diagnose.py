@@ -86,14 +86,14 @@ def diagnose(
 
 def with_proposal(found: Diagnosis, rig: AnyRig, seed: int) -> Diagnosis:
     """The same diagnosis with the experiment that would split its candidates, where one can be found."""
-    err.print("looking for a motion that splits what is left", markup=False)
+    err.print("looking for a motion that splits what is left")
     try:
         if isinstance(rig, BicycleFile):
             proposal = propose_ride(found.tables(), rig, seed=seed).table()
         else:
             proposal = next_experiment(found.tables(), rig, seed)
     except IdentificationError as error:
-        err.print(f"no experiment: {error}", style="yellow", markup=False, soft_wrap=True)
+        err.print(f"no experiment: {error}", style="yellow", soft_wrap=True)
         return found
     return replace(found, next_experiment=proposal)
 
@@ -120,16 +120,14 @@ class Steps:
 
     def __call__(self, text: str) -> None:
         """The step `text` begins."""
-        err.print(
-            f"{time.monotonic() - self._start_s:5.1f} s  {text}", markup=False, soft_wrap=True
-        )
+        err.print(f"{time.monotonic() - self._start_s:5.1f} s  {text}", soft_wrap=True)
 
 
 def show(found: Diagnosis) -> None:
     """The answer as text on stdout."""
     for f in found.located.findings:
-        out.print(f"{f.subject}: {f.text}", style=STYLE[f.severity], markup=False, soft_wrap=True)
-    out.print(found.sentence, style="bold", markup=False, soft_wrap=True)
+        out.print(f"{f.subject}: {f.text}", style=STYLE[f.severity], soft_wrap=True)
+    out.print(found.sentence, style="bold", soft_wrap=True)
     listed = [c for c in found.causes if c.probability > SHOWN or c in found.effects]
     if listed:
         out.print(_causes(listed))
@@ -142,10 +140,10 @@ def show(found: Diagnosis) -> None:
                 out.print(
                     f"alarm: {c.location}.{c.effect}.{name} stands at its bound, "
                     f"{with_unit(f'{p.value:.4g}', p.unit)}",
-                    style="yellow", markup=False, soft_wrap=True,
+                    style="yellow", soft_wrap=True,
                 )  # fmt: skip
     for line in notes(found):
-        out.print(line, markup=False, soft_wrap=True)
+        out.print(line, soft_wrap=True)
 
 
 def notes(found: Diagnosis) -> list[str]:

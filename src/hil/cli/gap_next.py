@@ -59,9 +59,9 @@ def next_experiment(
         write_json({**found.table(), "file": str(to)})
         return
     _show(found)
-    out.print(f"play it: hil experiment {rig} play {to}", markup=False, soft_wrap=True)
+    out.print(f"play it: hil experiment {rig} play {to}", soft_wrap=True)
     if found.sketch.payload_kg:
-        out.print("and again with the payload bolted on: --weighed", markup=False, soft_wrap=True)
+        out.print("and again with the payload bolted on: --weighed", soft_wrap=True)
 
 
 def _ride(diagnosis: Path, rig: BicycleFile, name: str, to: Path, seed: int, as_json: bool) -> None:
@@ -74,10 +74,10 @@ def _ride(diagnosis: Path, rig: BicycleFile, name: str, to: Path, seed: int, as_
         return
     _show(found)
     for folder in folders:
-        out.print(f"a simulated ride: {folder}", markup=False, soft_wrap=True)
+        out.print(f"a simulated ride: {folder}", soft_wrap=True)
     if found.split.apart():
         then = f"ride it, then: hil gap diagnose RUN... RIDE --rig {name}"
-        out.print(then, markup=False, soft_wrap=True)
+        out.print(then, soft_wrap=True)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -99,4 +99,4 @@ def _show(found: Proposal | RideProposal) -> None:
         row = [f"{100.0 * q:.0f} %" for q in found.split.posterior[k]]
         table.add_row(c.name, f"{100.0 * c.probability:.0f} %", *row)
     out.print(table)
-    out.print(found.sentence, style="bold", markup=False, soft_wrap=True)
+    out.print(found.sentence, style="bold", soft_wrap=True)

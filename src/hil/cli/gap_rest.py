@@ -27,4 +27,4 @@ def rest(
     for some, left in found.by_set.items():
         table.add_row(" + ".join(some) or "none", f"{left:.4g}")
     out.print(table)
-    out.print(found.sentence, style="bold", markup=False, soft_wrap=True)
+    out.print(found.sentence, style="bold", soft_wrap=True)

@@ -9,7 +9,6 @@ from typing import Annotated, Any, cast
 
 import msgspec
 import typer
-from rich.markup import escape
 from rich.table import Table
 from typer.core import TyperGroup
 
@@ -174,11 +173,11 @@ def _show(outcome: Outcome, *, json: bool) -> None:
     out.print(_table(result))
     for e in result.estimates:
         if e.reason:
-            out.print(f"[yellow]{escape(e.name)}[/]: {escape(e.reason)}", soft_wrap=True)
+            out.print(f"{e.name}: {e.reason}", style="yellow", soft_wrap=True)
     for text in result.untold:
-        out.print(f"not told: {text}", soft_wrap=True, markup=False)
+        out.print(f"not told: {text}", soft_wrap=True)
     for text in result.notes:
-        out.print(text, soft_wrap=True, markup=False)
+        out.print(text, soft_wrap=True)
     shares = ", ".join(f"{name} {100.0 * x:.2g} %" for name, x in result.fit.items())
     out.print(f"left unexplained: {shares}", soft_wrap=True)
 

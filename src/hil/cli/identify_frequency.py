@@ -143,12 +143,12 @@ def agard_steps(
     motion = acceleration_steps(rig_file, coordinate, values, repeats)
     note = f"acceleration steps of {coordinate}: {sizes}, {repeats} of each"
     write_cue_file(file, motion, rig_file.name, [note])
-    out.print(f"{file}: {motion.duration_s:.1f} s", markup=False, soft_wrap=True)
+    out.print(f"{file}: {motion.duration_s:.1f} s", soft_wrap=True)
 
 
 def _say_report(report: Path | None) -> None:
     if report is not None:
-        out.print(str(report), markup=False, soft_wrap=True)
+        out.print(str(report), soft_wrap=True)
 
 
 def _show_frf(a: FrfAnalysis) -> None:
@@ -159,7 +159,7 @@ def _show_frf(a: FrfAnalysis) -> None:
         if a.period_s
         else "not periodic: local polynomial method"
     )
-    out.print(f"{r.input_name} → {r.output_name}, {r.unit}; {kind}", markup=False, soft_wrap=True)
+    out.print(f"{r.input_name} → {r.output_name}, {r.unit}; {kind}", soft_wrap=True)
     table = Table("Hz", "gain, dB", "±95 %", "phase, deg", "±95 %", "coherence")
     low, high = r.gain_band_db
     left, right = r.phase_band_deg
@@ -185,9 +185,9 @@ def _show_frf(a: FrfAnalysis) -> None:
                 if left_out.is_seen
                 else f"not seen above {left_out.floor:.3g} {d.unit} a line"
             )
-            out.print(f"{left_out.kind} distortion: {said}", markup=False, soft_wrap=True)
+            out.print(f"{left_out.kind} distortion: {said}", soft_wrap=True)
     for note in a.notes:
-        out.print(f"note: {note}", markup=False, soft_wrap=True)
+        out.print(f"note: {note}", soft_wrap=True)
 
 
 def _show_fits(a: FrfAnalysis) -> None:
@@ -242,4 +242,4 @@ def _show_agard(a: AgardAnalysis) -> None:
             )
         out.print(table)
     for note in a.notes:
-        out.print(f"note: {note}", markup=False, soft_wrap=True)
+        out.print(f"note: {note}", soft_wrap=True)

@@ -58,7 +58,7 @@ def latency(
 
 def _show(measured: Latency, html: Path | None) -> None:
     for right in measured.rights:
-        out.print(right, markup=False, soft_wrap=True)
+        out.print(right, soft_wrap=True)
     out.print(f"load {measured.load:.2f} a processor")
     _line("loop", f"every {measured.cycle_s * 1e3:g} ms", measured.late_us)
     if measured.round_trip_us.size:
@@ -67,9 +67,9 @@ def _show(measured: Latency, html: Path | None) -> None:
     limits = (*(f"up to {band:g} µs" for band in BANDS_US), f"over {BANDS_US[-1]:g} µs")
     for limit, name, share in zip(limits, BAND_NAMES, measured.shares(), strict=True):
         bar = "█" * round(_BAR * share)
-        out.print(f"{limit:<13} {name:<20} {share:8.2%} {bar}", markup=False, soft_wrap=True)
+        out.print(f"{limit:<13} {name:<20} {share:8.2%} {bar}", soft_wrap=True)
     if html is not None:
-        out.print(f"picture  {html}", markup=False, soft_wrap=True)
+        out.print(f"picture  {html}", soft_wrap=True)
 
 
 def _line(what: str, how: str, values_us: Any) -> None:

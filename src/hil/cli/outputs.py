@@ -54,7 +54,7 @@ class Outputs:
             else:
                 show()
         if self.page is not None:
-            err.print(f"page: {self.page}", soft_wrap=True, markup=False)
+            err.print(f"page: {self.page}", soft_wrap=True)
 
 
 def make_ready(*paths: Path | None) -> None:

@@ -35,7 +35,7 @@ def replay(
     if settings is None:
         raise RunError(f"{run}: keeps no rig file; name one with --rig")
     profiles = read_profiles(run, settings)
-    with err.status(f"replaying {run.name}"):
+    with err.status("replaying"):
         found = replay_run(run, settings, profiles)
     describer = RigDescriber(settings, profiles)
     start_s = meta.recording.start_s if meta.recording else 0.0
@@ -44,7 +44,7 @@ def replay(
         write_json(_as_json(found, shown, settings, describer, start_s))
     else:
         for line in _lines(found, shown, settings, describer, start_s, meta):
-            out.print(line, markup=False, soft_wrap=True)
+            out.print(line, soft_wrap=True)
     if not found.is_same:
         raise typer.Exit(1)
 

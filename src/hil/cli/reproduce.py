@@ -113,4 +113,4 @@ def _say(report: Report, json: bool) -> None:
     if json:
         write_json({"page": str(report.path), "facts": report.facts})
     else:
-        out.print(str(report.path), markup=False, soft_wrap=True)
+        out.print(str(report.path), soft_wrap=True)

@@ -45,7 +45,7 @@ def list_command(
         raise RunError(f"{folder}: no such folder")
     runs = list_runs(folder)
     if json:
-        write_json([asdict(run) for run in runs])
+        write_json([asdict(run) | {"path": str(run.path)} for run in runs])
         return
     table = Table("run", "mode", "seconds", "MB", "note")
     table.columns[0].no_wrap = True
@@ -67,7 +67,7 @@ def show(run: RunArgument, json: JsonFlag = False) -> None:
         )
         return
     for line in summary_lines(loaded):
-        out.print(line, markup=False, soft_wrap=True)
+        out.print(line, soft_wrap=True)
     table = Table("signal", "samples", "rate", "longest gap", "lowest", "highest")
     for s in signals:
         table.add_row(
@@ -91,7 +91,7 @@ def report(
 ) -> None:
     """Write the page of plots of a run: one HTML file that needs nothing else."""
     target = html or (run if run.is_dir() else run.parent) / "report.html"
-    out.print(str(run_report(load_run(run), target)), markup=False, soft_wrap=True)
+    out.print(str(run_report(load_run(run), target)), soft_wrap=True)
 
 
 @app.command()
@@ -101,7 +101,7 @@ def export(
     kind: Annotated[Kind, typer.Option(help="Format of the signals.")] = Kind.parquet,
 ) -> None:
     """Write a run as a folder that any tool reads: run.toml, and one column a signal."""
-    out.print(str(export_run(load_run(run), folder, kind.value)), markup=False, soft_wrap=True)
+    out.print(str(export_run(load_run(run), folder, kind.value)), soft_wrap=True)
 
 
 @app.command()
@@ -109,4 +109,4 @@ def repair(run: RunArgument) -> None:
     """Mend the recording of a daemon that was killed, so that Foxglove opens it too."""
     done = repair_run(run)
     said = f"mended ({done.damage})" if done.damage else "is whole, nothing to mend"
-    out.print(f"{done.path}: {said}; {done.messages} messages", markup=False, soft_wrap=True)
+    out.print(f"{done.path}: {said}; {done.messages} messages", soft_wrap=True)

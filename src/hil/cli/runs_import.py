@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 from rich.table import Column, Table
 
 from hil.cli.console import JsonFlag, out, write_json
@@ -49,7 +48,7 @@ def _show(report: ImportReport) -> None:
     signals = Table(names, "column", "unit", "clock", "samples", "rate", "lowest", "highest")
     for s in report.signals:
         signals.add_row(
-            escape(s.name), escape(s.column), s.unit, escape(s.clock), str(s.samples),
+            s.name, s.column, s.unit, s.clock, str(s.samples),
             f"{s.rate_hz:.4g} Hz",
             f"{s.lowest:.4g}",
             f"{s.highest:.4g}",
@@ -57,14 +56,11 @@ def _show(report: ImportReport) -> None:
     out.print(signals)
     checks = Table("check", "of", "verdict", Column("finding", overflow="fold"))
     for f in report.findings:
-        checks.add_row(
-            f.check, escape(f.subject), f.verdict, escape(f.text), style=_STYLE[f.verdict]
-        )
+        checks.add_row(f.check, f.subject, f.verdict, f.text, style=_STYLE[f.verdict])
     out.print(checks)
     warnings = sum(f.verdict == "warning" for f in report.findings)
     out.print(
         f"{report.folder}: {report.rows} rows, {report.duration_s:.6g} s, rig {report.rig}; "
         f"{warnings or 'no'} warning{'' if warnings == 1 else 's'}",
-        markup=False,
         soft_wrap=True,
     )

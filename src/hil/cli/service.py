@@ -53,4 +53,4 @@ def status(root: RootOption = Path("/")) -> None:
 
 def _say(lines: list[str]) -> None:
     for line in lines:
-        out.print(line, markup=False, soft_wrap=True)
+        out.print(line, soft_wrap=True)

@@ -79,7 +79,7 @@ def workspace(
     if found.is_singular:
         out.print("the determinant changes its sign inside the strokes: there are singular poses")
     if html is not None:
-        out.print(str(html), markup=False, soft_wrap=True)
+        out.print(str(html), soft_wrap=True)
 
 
 def _blockers(blocking: dict[str, float]) -> str:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import os
 import re
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -54,12 +56,13 @@ class RigClient:
         self._cue: Any = None
         self._held: list[Any] = []
         self._seq = 0
+        self._numbering = threading.Lock()
         self._state: StateMessage | None = None
         self._states: Feeds[StateMessage] = Feeds()
         self._events: Feeds[EventMessage] = Feeds()
 
     def open(self) -> Self:
-        """Connect; RigNotReached if no daemon of this rig answers."""
+        """Connect; RigNotReached if no daemon of this rig answers, ConfigError for a bad `config`."""
         where = (self._endpoint,) if self._endpoint else ()
         try:
             config = zenoh_config("client", (), where, self._config, self._timeout_s)
@@ -119,7 +122,8 @@ class RigClient:
     def cues(self, poses: Sequence[Mapping[str, float]], t_s: float | None = None) -> int:
         """Ask for one or many poses, each with `dt`, s after `t_s` (now, on the monotonic clock).
 
-        ProtocolError for a coordinate that the rig has not. Returns the sequence number.
+        ProtocolError for a coordinate that the rig has not, and for a number that is none. Returns the
+        sequence number.
         """
         if self._cue is None:
             raise RigNotReached(f"{self.rig}: the client is not connected")
@@ -131,15 +135,19 @@ class RigClient:
                     f"{self.rig} has no coordinate {', '.join(sorted(unknown))}; "
                     f"it has {', '.join(self.coordinates)}"
                 )
-        self._seq += 1
-        now_s = time.monotonic() if t_s is None else t_s
+            for name, value in pose.items():
+                if not math.isfinite(value):
+                    raise ProtocolError(f"{name} = {value}: a cue holds finite numbers only")
         filled = [{"dt": 0.0, **neutral, **pose} for pose in poses]
-        self._cue.put(
-            messages.encode(CueMessage(self._seq, now_s, filled)),
-            attachment=self.name,
-            source_info=zenoh.SourceInfo(self._cue.id, self._seq % 2**32),
-        )
-        return self._seq
+        with self._numbering:  # numbers and times leave in the order in which they were taken
+            self._seq += 1
+            now_s = time.monotonic() if t_s is None else t_s
+            self._cue.put(
+                messages.encode(CueMessage(self._seq, now_s, filled)),
+                attachment=self.name,
+                source_info=zenoh.SourceInfo(self._cue.id, self._seq % 2**32),
+            )
+            return self._seq
 
     def state(self) -> StateMessage | None:
         """The last state that arrived; None before the first."""

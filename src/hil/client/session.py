@@ -9,6 +9,8 @@ from typing import Any
 
 import zenoh
 
+from hil.errors import ConfigError
+
 
 def zenoh_config(
     mode: str,
@@ -20,9 +22,12 @@ def zenoh_config(
     """A Zenoh configuration that scouts nobody: only the endpoints named are opened or called.
 
     `file` is a Zenoh JSON5 file to start from (TLS, access control). Endpoints in it stand where
-    none are given here. ZError if the file cannot be read.
+    none are given here. ConfigError if the file cannot be read.
     """
-    config = zenoh.Config() if file is None else zenoh.Config.from_file(Path(file))
+    try:
+        config = zenoh.Config() if file is None else zenoh.Config.from_file(Path(file))
+    except zenoh.ZError as error:
+        raise ConfigError(f"{file}: cannot be read as a Zenoh file: {reason(error)}") from error
     settings: dict[str, Any] = {
         "mode": mode,
         "scouting/multicast/enabled": False,

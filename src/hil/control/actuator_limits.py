@@ -18,7 +18,7 @@ SPEED_SHARE: Final = 0.95
 
 
 class Demand(NamedTuple):
-    """Worst use of a limit (1 = all of it) and the rule it belongs to, as rule:actuator."""
+    """Worst use of a limit (1 = all of it) and the rule it belongs to, as rule:actuator. Never NaN."""
 
     use: float
     rule: str
@@ -63,10 +63,11 @@ class ActuatorLimits:
         try:
             J = m.jacobian(q)
             speed = np.abs(J @ qd) + (0.0 if faster is None else np.abs(J) @ faster)
-            acceleration = np.abs(m.accelerations(q, qd, qdd)) / self._acceleration
+            acceleration = np.abs(m.accelerations(q, qd, qdd))
         except KinematicsError:
             return Demand(2.0, "closure:rig")
-        speed = speed / self._speed
+        speed = np.nan_to_num(speed / self._speed, nan=np.inf)
+        acceleration = np.nan_to_num(acceleration / self._acceleration, nan=np.inf)
         i, k = int(np.argmax(speed)), int(np.argmax(acceleration))
         if speed[i] >= acceleration[k]:
             return Demand(float(speed[i]), f"actuator_speed:{self._names[i]}")
@@ -80,5 +81,5 @@ class ActuatorLimits:
             return Demand(2.0, "closure:rig")
         outside = np.maximum(self._low - rho, rho - self._high)
         i = int(np.argmax(outside))
-        beyond = outside[i] > allowed_outside + 1.0e-9
-        return Demand(2.0 if beyond else 0.0, f"stroke:{self._names[i]}")
+        kept = outside[i] <= allowed_outside + 1.0e-9
+        return Demand(0.0 if kept else 2.0, f"stroke:{self._names[i]}")

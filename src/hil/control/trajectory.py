@@ -93,7 +93,10 @@ class CueTrajectory:
             )
         sections = butter(2, cutoff_hz, fs=2.0 * nyquist, output="sos")
         padding = min(len(self.t_s) - 1, int(3.0 / (cutoff_hz * self.step_s)))
-        poses = sosfiltfilt(sections, self.poses, axis=0, padlen=padding)
+        try:
+            poses = sosfiltfilt(sections, self.poses, axis=0, padlen=padding)
+        except np.linalg.LinAlgError as error:
+            raise RunError(f"cut-off {cutoff_hz:g} Hz is too low to be reckoned with") from error
         return replace(self, poses=poses)
 
     def scaled(self, factors: Array) -> CueTrajectory:

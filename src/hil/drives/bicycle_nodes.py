@@ -15,7 +15,7 @@ from typing import Final
 
 from hil.config import BicycleFile
 from hil.config.bicycle import BICYCLE
-from hil.drives.imu_node import ImuReceiver
+from hil.drives.imu_node import ImuReceiver, lost_between
 from hil.errors import ProtocolError
 from hil.frames import Frame
 from hil.signals import Sample
@@ -146,7 +146,7 @@ class NodesReceiver:
             value = self._unwrapped(signal, count) * self._step
         before = self._counter.get(signal)
         advance = 1 if before is None else ((counter - before - 1) & 0xFFFF) + 1
-        self.lost[signal] += advance - 1
+        self.lost[signal] += 0 if before is None else lost_between(before, counter)
         self._counter[signal] = counter
         self.received[signal] += 1
         return Sample(BICYCLE, signal, value, self._clocks[signal].sampled_s(advance, now_s), now_s)

@@ -55,6 +55,12 @@ def decode(base_id: int, frame: Frame) -> ImuReading:
     return ImuReading(is_gyro, (x * lsb, y * lsb, z * lsb), counter)
 
 
+def lost_between(before: int, counter: int) -> int:
+    """Frames lost between two 16-bit counters; none where it came twice or the node began anew."""
+    missing = (counter - before - 1) & 0xFFFF
+    return missing if missing < 0x8000 else 0
+
+
 class ImuReceiver:
     """Turns the node's frames into samples and counts what was lost or malformed.
 
@@ -81,7 +87,7 @@ class ImuReceiver:
             return []
         before = self._counter.get(reading.is_gyro)
         if before is not None:
-            self.lost += (reading.counter - before - 1) & 0xFFFF
+            self.lost += lost_between(before, reading.counter)
         self._counter[reading.is_gyro] = reading.counter
         self.received += 1
         self.last_s = now_s

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hil.errors import RunError
-from hil.runs.folder import RECORDING, RUN_TOML, is_being_recorded, read_meta
+from hil.runs.folder import RECORDING, RUN_TOML, STOPPED, is_being_recorded, read_meta
 from hil.runs.reader import Run
 
 
@@ -76,11 +76,13 @@ def _info(folder: Path) -> RunInfo:
         meta = read_meta(folder)
     except RunError as error:
         return RunInfo(folder, size_bytes=size, trouble=str(error))
-    ended = meta.recording.ended if meta.recording else None
+    ended, reason = None, ""
+    if meta.recording is not None:
+        ended, reason = meta.recording.ended, meta.recording.end_reason
     duration = (
         (ended - meta.started).total_seconds() if ended is not None and meta.started else None
     )
-    trouble = None
+    trouble = reason if reason.startswith(STOPPED) else None
     if meta.recording is not None and ended is None and (folder / RECORDING).is_file():
         live = is_being_recorded(folder / RECORDING)
         trouble = "is being recorded" if live else "was never ended: its recorder was killed"

@@ -61,7 +61,7 @@ class Content:
             taker = self._takers[topic] = self._drive_taker(topic.removeprefix("/drive/"))
         try:
             taker(data, t_s)
-        except msgspec.DecodeError:
+        except (msgspec.DecodeError, UnicodeDecodeError):
             self._unreadable[topic] = self._unreadable.get(topic, 0) + 1
 
     def finish(self) -> None:

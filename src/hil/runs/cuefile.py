@@ -20,7 +20,7 @@ import pandas as pd
 
 from hil.control.trajectory import CueTrajectory
 from hil.errors import RunError
-from hil.runs.table import check_increasing, finite_numbers
+from hil.runs.table import check_increasing, csv_table, finite_numbers
 
 FORMAT: Final = "hil-cue/1"
 
@@ -57,11 +57,11 @@ def read_cue_file(path: Path) -> CueFile:
     if not path.is_file():
         raise RunError(f"{path}: no such file")
     try:
-        text = path.read_text(encoding="utf-8")
-        comments = _comments(text)
-        table = pd.read_csv(path, comment="#", skipinitialspace=True)
-    except (UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
         raise RunError(f"{path}: is no cue file: {error}") from error
+    comments = _comments(text)
+    table = csv_table(path, comment="#")
     if comments and comments[0].startswith("hil-cue/") and comments[0] != FORMAT:
         raise RunError(f"{path}: format is {comments[0]!r}, hil reads {FORMAT!r}")
     if "t" not in table.columns:

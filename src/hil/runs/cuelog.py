@@ -20,6 +20,7 @@ from hil.control.trajectory import UNIFORM, CueTrajectory
 from hil.control.washout import Washout, WashoutSettings
 from hil.errors import RunError
 from hil.runs.cuemap import TIME_UNITS, Channel, CueMap
+from hil.runs.importing.clocks import GAP
 from hil.runs.importing.tables import TableSource, read_csv, read_parquet
 from hil.runs.table import check_increasing
 
@@ -33,6 +34,8 @@ SPEED_LOW_PASS_HZ: Final = 1.0
 """A speed is smoothed so before it is differentiated, unless its channel says otherwise: wheel
 sensors step, and a step of speed is a spike of acceleration."""
 
+LONGEST_GAP_S: Final = 60.0
+"""Rows further apart are two rides, or a clock that was set meanwhile."""
 SLOWEST_S: Final = 2.0
 QUICKEST_S: Final = 5e-5
 """Rows further apart or nearer are no ride: their time is in another unit. A GPS has one a second."""
@@ -63,6 +66,7 @@ def cue_from_log(
     log = _read(path, cue_map)
     t = _time(log, cue_map, path, rate_hz)
     notes = [f"from {path.name}, SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()}"]
+    notes += _gaps(t)
     parts: list[CueTrajectory] = []
     for c in cue_map.channel:
         source = CueTrajectory((c.column,), t, _column(log, c.column, path)[:, None] * c.factor)
@@ -106,17 +110,44 @@ def _time(log: TableSource, cue_map: CueMap, path: Path, rate_hz: float | None) 
         raise RunError(
             f"{path}: say when its rows were taken: a time column (t=COLUMN:s in the map) or a rate"
         )
+    if not QUICKEST_S <= 1.0 / rate <= SLOWEST_S:
+        raise RunError(
+            f"{path}: a row each {1.0 / rate:.3g} s is no ride: is its rate {rate:g} Hz?"
+        )
     return np.arange(len(_column(log, cue_map.channel[0].column, path))) / rate
 
 
 def _check_time(t: Array, where: str, unit: str) -> None:
-    """RunError where the rows are so far apart, or so near, that the unit of time must be another."""
-    step = float(np.median(np.diff(t)))
+    """RunError where the rows are so far apart, or so near, that the unit of time must be another.
+
+    So it is where a single step is no pause any more.
+    """
+    steps = np.diff(t)
+    step = float(np.median(steps))
     if not QUICKEST_S <= step <= SLOWEST_S:
         other = "ms or finer" if step > SLOWEST_S else "coarser"
         raise RunError(
             f"{where}: a row each {step:.3g} s is no ride: the map says {unit}, is its unit {other}?"
         )
+    worst = int(np.argmax(steps))
+    if steps[worst] > LONGEST_GAP_S:
+        raise RunError(
+            f"{where}: {steps[worst]:.4g} s without a row after row {worst + 1}: two rides, or a clock that "
+            "was set meanwhile? cut the log there"
+        )
+
+
+def _gaps(t: Array) -> list[str]:
+    """A note where rows are missing."""
+    steps = np.diff(t)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps))
+    if not gaps.size:
+        return []
+    worst = int(gaps[np.argmax(steps[gaps])])
+    return [
+        f"{gaps.size} gaps, the longest {steps[worst]:.3g} s after row {worst + 1}: nobody measured what "
+        "stands there"
+    ]
 
 
 def _column(log: TableSource, name: str, path: Path) -> Array:
@@ -151,7 +182,7 @@ def _moved(source: CueTrajectory, c: Channel) -> tuple[CueTrajectory, str]:
         values = np.gradient(values, source.step_s)
         words.append("differentiated")
     washed = _washed(values, c, source.step_s)
-    is_tilt = c.kind != "rate" and c.coordinate in ("pitch", "roll")
+    is_tilt = c.kind != "angular rate" and c.coordinate in ("pitch", "roll")
     words.append("felt as tilt" if is_tilt else "washed out")
     return replace(source, poses=washed[:, None]), ", ".join(words)
 
@@ -160,7 +191,7 @@ def _washed(values: Array, c: Channel, dt_s: float) -> Array:
     """Pose (m,) of one coordinate when one acceleration or rate (m,) alone moves the vehicle."""
     washout = Washout((c.coordinate,), dt_s, WashoutSettings(gain=1.0))
     inputs = np.zeros((len(values), 2, 3))
-    if c.kind == "rate":
+    if c.kind == "angular rate":
         inputs[:, 1, _TURNED_BY[c.coordinate]] = values
     else:
         inputs[:, 0, _TILTED_BY[c.coordinate]] = values

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final
 
 from pydantic import Field
 
@@ -32,32 +32,19 @@ from hil.config.rig import ROTATIONS
 from hil.configfile import load_settings
 from hil.errors import ConfigError
 from hil.runs.importing.mapfile import FileSettings
-
-Kind = Literal["angle", "length", "rate", "speed", "acceleration"]
-
-UNITS: Final[dict[str, tuple[Kind, float]]] = {
-    "rad": ("angle", 1.0),
-    "deg": ("angle", math.pi / 180.0),
-    "m": ("length", 1.0),
-    "mm": ("length", 1e-3),
-    "rad/s": ("rate", 1.0),
-    "deg/s": ("rate", math.pi / 180.0),
-    "m/s": ("speed", 1.0),
-    "km/h": ("speed", 1.0 / 3.6),
-    "m/s2": ("acceleration", 1.0),
-    "g": ("acceleration", 9.80665),
-}
-"""Kind and factor to SI of the units that a channel may have."""
+from hil.runs.importing.units import UNITS
 
 TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
-_ALLOWED: Final[dict[Kind, tuple[str, ...]]] = {
+_ALLOWED: Final[dict[str, tuple[str, ...]]] = {
     "angle": (*ROTATIONS, "position"),
     "length": ("surge", "sway", "heave", "position"),
-    "rate": ROTATIONS,
+    "angular rate": ROTATIONS,
     "speed": ("pitch", "surge"),
     "acceleration": ("pitch", "roll", "surge", "sway", "heave"),
 }
+"""By kind of quantity, as the table of units has it."""
+_UNITS: Final = tuple(name for name, (kind, _) in UNITS.items() if kind in _ALLOWED)
 _CHANNEL: Final = re.compile(
     r"(?P<coordinate>\w+)\s*=\s*(?P<column>[^:*@]+?)\s*:\s*(?P<unit>[\w/]+)"
     r"(?:\s*\*\s*(?P<scale>[-+.\deE]+))?(?:\s*@\s*(?P<low_pass>[.\deE+-]+))?"
@@ -74,7 +61,7 @@ class Channel(Settings):
     low_pass_hz: Positive | None = Field(None, description="zero-phase low-pass, Hz")
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> str:
         """What the column measures."""
         return UNITS[self.unit][0]
 
@@ -149,13 +136,13 @@ def _checked(cue_map: CueMap, source: str) -> CueMap:
             f"{source}: {cue_map.time.unit!r} is no unit of time; hil knows {', '.join(TIME_UNITS)}"
         )
     for c in cue_map.channel:
-        if c.unit not in UNITS:
+        if c.unit not in _UNITS:
             raise ConfigError(
-                f"{source}: {c.coordinate}: {c.unit!r} is no unit that hil knows: "
-                f"{', '.join(UNITS)}"
+                f"{source}: {c.coordinate}: {c.unit!r} is no unit of a motion that hil knows: "
+                f"{', '.join(_UNITS)}"
             )
         if c.coordinate not in _ALLOWED[c.kind]:
-            article = "an" if c.kind in ("angle", "acceleration") else "a"
+            article = "an" if c.kind[0] == "a" else "a"
             raise ConfigError(
                 f"{source}: {c.column!r} in {c.unit} is {article} {c.kind}, which can become "
                 f"{', '.join(_ALLOWED[c.kind])}, not {c.coordinate!r}"

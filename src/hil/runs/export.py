@@ -8,7 +8,8 @@ from typing import Final, Literal
 
 from hil.errors import RunError
 from hil.messages import EventMessage, encode
-from hil.runs.folder import EVENTS, RIG_TOML, RunMeta, write_meta
+from hil.runs.folder import DRIVES, EVENTS, EXTRA, RIG_TOML, RunMeta, write_meta
+from hil.runs.mcapfile import McapSource
 from hil.runs.reader import Run
 
 _SIGNALS: Final = {"parquet": "signals.parquet", "csv": "signals.csv"}
@@ -24,10 +25,7 @@ def export_run(run: Run, folder: Path, kind: Literal["parquet", "csv"] = "parque
         raise RunError(f"{folder}: exists already; an export never overwrites")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_meta(folder, _from_zero(run.meta))
-        kept = run.path / RIG_TOML if run.path.is_dir() else None
-        if kept is not None and kept.is_file():
-            shutil.copyfile(kept, folder / RIG_TOML)
+        _keep(run, folder)
         if run.events:
             lines = (EventMessage(e.t_s, e.severity, e.name, e.text) for e in run.events)
             (folder / EVENTS).write_bytes(b"".join(encode(line) + b"\n" for line in lines))
@@ -36,9 +34,25 @@ def export_run(run: Run, folder: Path, kind: Literal["parquet", "csv"] = "parque
             run.table.to_csv(path, index=False)
         else:
             run.table.to_parquet(path, index=False, compression="zstd")
+        write_meta(folder, _from_zero(run.meta))  # last: a folder without it is no run
     except OSError as error:
         raise RunError(f"{folder}: cannot be written: {error.strerror or error}") from error
     return folder
+
+
+def _keep(run: Run, folder: Path) -> None:
+    """Copy what the run knows of its rig beside the signals; a bare .mcap file has its rig file inside."""
+    if run.path.is_file():
+        source = McapSource(run.path)
+        next(iter(source), None)  # attachments come before the first message
+        if RIG_TOML in source.attachments:
+            (folder / RIG_TOML).write_bytes(source.attachments[RIG_TOML])
+        return
+    for name in (RIG_TOML, EXTRA):
+        if (run.path / name).is_file():
+            shutil.copyfile(run.path / name, folder / name)
+    if (run.path / DRIVES).is_dir():
+        shutil.copytree(run.path / DRIVES, folder / DRIVES)
 
 
 def _from_zero(meta: RunMeta) -> RunMeta:

@@ -20,10 +20,10 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import IO, Any, Final, Literal
+from typing import IO, Annotated, Any, Final, Literal
 
 import tomlkit
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
 from hil import __version__
 from hil.config import AnyRig, BicycleFile, RigFile
@@ -39,8 +39,21 @@ DRIVES: Final = "drives"
 RECORDING: Final = "recording.mcap"
 EVENTS: Final = "events.jsonl"
 JOURNAL: Final = "journal.mcap"
+EXTRA: Final = "extra.parquet"
+"""What was imported beside the signals of runs."""
+
+STOPPED: Final = "recording stopped: "
+"""How the reason begins with which a recorder ended before it was told to."""
 
 Mode = Literal["position", "force", "ride"]
+
+
+def _utc(instant: datetime) -> datetime:
+    return instant.replace(tzinfo=instant.tzinfo or UTC).astimezone(UTC)
+
+
+Instant = Annotated[datetime, AfterValidator(_utc)]
+"""In UTC; so is one that names no zone, wherever it is read."""
 
 _PACKAGES: Final = (
     "numpy",
@@ -78,7 +91,7 @@ class Provenance(BaseModel):
     host: str = ""
     system: str = ""
     command_line: tuple[str, ...] = ()
-    ended: datetime | None = None
+    ended: Instant | None = None
     """Missing where the recorder was killed."""
     end_reason: str = ""
     versions: dict[str, str] = {}
@@ -92,7 +105,7 @@ class RunMeta(BaseModel):
     format: Literal["hil-run/1"] = FORMAT
     rig: str
     mode: Mode = "position"
-    started: datetime | None = None
+    started: Instant | None = None
     note: str = ""
     role: Literal["diagnose", "reference"] = "diagnose"
     answer_sha256: str | None = None

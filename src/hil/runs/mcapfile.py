@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
 from mcap.exceptions import InvalidMagic, McapError
-from mcap.records import Attachment, Channel, Chunk, Message, Schema
+from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import Writer
 from zstandard import ZstdError
@@ -82,41 +82,31 @@ class McapSink:
         return int(self._writer.register_channel(topic, self._encoding, self._schema_ids[schema]))
 
 
-class McapSource:
-    """Iterates over a file's messages of one `encoding` in the order in which they were written.
+class McapRecords:
+    """Iterates over a file's records of every kind and encoding, chunks opened, as far as it is whole.
 
-    After the iteration `attachments` holds the files inside by name, and `damage` a sentence where
-    the file is cut short or parts of it are wrong, else None.
+    After the iteration `damage` is a sentence where the file is cut short or parts of it are wrong.
     """
 
-    def __init__(self, path: Path, encoding: str = "json") -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self._encoding = encoding
-        self.attachments: dict[str, bytes] = {}
-        self.schemas: dict[str, dict[str, Any]] = {}
-        """JSON Schema by name."""
-        self.schema_of: dict[str, str] = {}
-        """Name of a topic's schema."""
         self.damage: str | None = None
-        self._topics: dict[int, str] = {}
-        self._schema_names: dict[int, str] = {}
 
-    def __iter__(self) -> Iterator[McapMessage]:
+    def __iter__(self) -> Iterator[object]:
         bad_chunks = 0
         cut = False
         with self.path.open("rb") as stream:
             try:
                 for record in StreamReader(stream, emit_chunks=True).records:
                     if not isinstance(record, Chunk):
-                        yield from self._take(record)
+                        yield record
                         continue
                     try:
                         inside = breakup_chunk(record, validate_crc=True)
                     except _BROKEN:
                         bad_chunks += 1
                         continue
-                    for part in inside:
-                        yield from self._take(part)
+                    yield from inside
             except InvalidMagic as error:
                 if stream.tell() <= 8:
                     raise RunError(f"{self.path}: is no MCAP file") from error
@@ -129,17 +119,57 @@ class McapSource:
         if notes:
             self.damage = f"{self.path}: " + "; ".join(notes)
 
-    def _take(self, record: object) -> Iterator[McapMessage]:
-        if isinstance(record, Message):
-            topic = self._topics.get(record.channel_id)
-            if topic is not None:
-                yield McapMessage(topic, record.log_time, record.data)
-        elif isinstance(record, Schema):
-            name = record.name.removeprefix(_PREFIX)
-            self._schema_names[record.id] = name
-            self.schemas[name] = json.loads(record.data or b"{}")
-        elif isinstance(record, Channel) and record.message_encoding == self._encoding:
-            self._topics[record.id] = record.topic
-            self.schema_of[record.topic] = self._schema_names.get(record.schema_id, "")
+
+class McapSource:
+    """Iterates over a file's messages of one `encoding` in the order in which they were written.
+
+    After the iteration `attachments` holds the files inside by name, and `damage` what McapRecords says.
+    """
+
+    def __init__(self, path: Path, encoding: str = "json") -> None:
+        self.path = path
+        self._encoding = encoding
+        self.attachments: dict[str, bytes] = {}
+        self.damage: str | None = None
+        self._topics: dict[int, str] = {}
+
+    def __iter__(self) -> Iterator[McapMessage]:
+        records = McapRecords(self.path)
+        for record in records:
+            if isinstance(record, Message):
+                topic = self._topics.get(record.channel_id)
+                if topic is not None:
+                    yield McapMessage(topic, record.log_time, record.data)
+            elif isinstance(record, Channel) and record.message_encoding == self._encoding:
+                self._topics[record.id] = record.topic
+            elif isinstance(record, Attachment):
+                self.attachments[record.name] = record.data
+        self.damage = records.damage
+
+
+def copy_records(path: Path, stream: IO[bytes]) -> None:
+    """Write all that can be read of the file at `path` into a whole one: messages of every encoding."""
+    profile = next((r.profile for r in McapRecords(path) if isinstance(r, Header)), "")
+    writer = Writer(stream, chunk_size=1 << 20)
+    writer.start(profile, library="hil")
+    schemas, channels = {0: 0}, dict[int, int]()
+    for record in McapRecords(path):
+        if isinstance(record, Message) and record.channel_id in channels:
+            to = channels[record.channel_id]
+            writer.add_message(
+                to, record.log_time, record.data, record.publish_time, record.sequence
+            )
+        elif isinstance(record, Schema) and record.id not in schemas:
+            schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
+        elif isinstance(record, Channel) and record.id not in channels:
+            schema = schemas.get(record.schema_id, 0)
+            channels[record.id] = writer.register_channel(
+                record.topic, record.message_encoding, schema, record.metadata
+            )
         elif isinstance(record, Attachment):
-            self.attachments[record.name] = record.data
+            writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            )
+        elif isinstance(record, Metadata):
+            writer.add_metadata(record.name, record.metadata)
+    writer.finish()

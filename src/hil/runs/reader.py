@@ -13,7 +13,6 @@ from typing import cast, get_args
 
 import msgspec
 import pandas as pd
-import pyarrow as pa
 
 from hil.config import AnyRig, BicycleFile, RigFile
 from hil.configfile import parse_any_rig
@@ -31,7 +30,7 @@ from hil.runs.folder import (
     read_meta,
 )
 from hil.runs.mcapfile import McapSource
-from hil.runs.table import check_table, signal_order
+from hil.runs.table import check_table, csv_table, parquet_table, signal_order
 from hil.signals import Event, Severity
 
 
@@ -83,9 +82,9 @@ def _load_folder(folder: Path, rig: AnyRig | None) -> Run:
     fitting = _fitting(rig, meta, folder) or read_any_rig(folder, meta)
     if (folder / RECORDING).is_file():
         return _load_mcap(folder / RECORDING, meta, fitting)
-    for name in ("signals.parquet", "signals.csv"):
+    for name, read in (("signals.parquet", parquet_table), ("signals.csv", csv_table)):
         if (folder / name).is_file():
-            table = check_table(_read_signals(folder / name), str(folder / name), fitting)
+            table = check_table(read(folder / name), str(folder / name), fitting)
             events = _read_events(folder / EVENTS, _start_s(meta))
             states = pd.DataFrame({"t": []})
             return _run(folder, meta, fitting, table, states, events)
@@ -112,17 +111,6 @@ def _fitting(rig: AnyRig | None, meta: RunMeta, source: Path) -> AnyRig | None:
     return rig
 
 
-def _read_signals(path: Path) -> pd.DataFrame:
-    try:
-        if path.suffix == ".csv":
-            return pd.read_csv(path, skipinitialspace=True, low_memory=False)
-        return pd.read_parquet(path)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise RunError(f"{path}: is no CSV table: {error}") from error
-    except (pa.ArrowException, OSError) as error:
-        raise RunError(f"{path}: cannot be read: {error}") from error
-
-
 def _read_events(path: Path, start_s: float) -> tuple[Event, ...]:
     """The events of a folder; a last line that was cut is left out."""
     if not path.is_file():
@@ -132,7 +120,7 @@ def _read_events(path: Path, start_s: float) -> tuple[Event, ...]:
     for number, line in enumerate(path.read_bytes().splitlines(keepends=True), start=1):
         try:
             events.append(_event(decoder.decode(line), start_s))
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
             if line.endswith(b"\n"):
                 raise RunError(f"{path}: line {number}: is no event: {error}") from error
     return tuple(events)
@@ -153,7 +141,7 @@ def _load_mcap(path: Path, meta: RunMeta | None, rig: AnyRig | None) -> Run:
             offset_ns = _offset_ns(meta)
         content.take(message.topic, message.data, 1e-9 * (message.log_time_ns - offset_ns))
     content.finish()
-    damage = "; ".join(filter(None, (source.damage, content.damage()))) or None
+    damage = "; ".join(filter(None, (source.damage, content.damage())))
     if meta is None:
         raise RunError(f"{path}: holds no message" + (f" ({damage})" if damage else ""))
     rig = _fitting(rig, meta, path) or _attached_rig(source, meta)
@@ -165,10 +153,15 @@ def _load_mcap(path: Path, meta: RunMeta | None, rig: AnyRig | None) -> Run:
     for frame in (table, states):
         frame["t"] -= start_s
     folder = path.parent if path.name == RECORDING else path
-    beside = _read_events(path.parent / EVENTS, start_s) if folder != path else ()
-    events = beside or tuple(_event(e, start_s) for e in content.events)
+    events: tuple[Event, ...] = ()
+    if folder != path:
+        try:
+            events = _read_events(path.parent / EVENTS, start_s)
+        except RunError as error:  # the recording holds them as well
+            damage = "; ".join(filter(None, (damage, str(error))))
+    events = events or tuple(_event(e, start_s) for e in content.events)
     table = check_table(table, str(path), rig)
-    return _run(folder, meta, rig, table, states, events, damage)
+    return _run(folder, meta, rig, table, states, events, damage or None)
 
 
 def _start_s(meta: RunMeta) -> float:

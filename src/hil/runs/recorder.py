@@ -40,6 +40,7 @@ from hil.runs.folder import (
     RECORDING,
     RIG_TOML,
     RUN_TOML,
+    STOPPED,
     RunMeta,
     keep_drives,
     lock,
@@ -234,7 +235,11 @@ class Recorder:
             self.flush()
 
     def _flush(self) -> None:
-        self._require_room(self.path)
+        try:
+            self._require_room(self.path)
+        except OSError as error:  # nothing has failed yet: the reserve has room for an end
+            self._stop(str(error.strerror), self._finish)
+            return
         self._mcap.flush()
         self._journal.flush(self._nanoseconds(self._last_s))
         if self._can is not None:
@@ -260,11 +265,13 @@ class Recorder:
         except OSError as error:
             self._stop(error.strerror or str(error))
 
-    def _stop(self, why: str) -> None:
+    def _stop(self, why: str, finish: Callable[[], None] = lambda: None) -> None:
         text = f"recording into {self.path} stopped: {why}; the rig goes on without"
         self.stopped = Event(self._last_s, "warning", "recorder_stopped", text)
         with contextlib.suppress(OSError):  # no room even for this line: `stopped` still says it
             self._append_event(EventMessage(self._last_s, "warning", "recorder_stopped", text))
+            finish()
+            self._note_end(f"{STOPPED}{why}")
         self._release()
 
     def _release(self) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from tempfile import NamedTemporaryFile
+
+from mcap.records import Message
 
 from hil.errors import RunError
 from hil.runs.folder import RECORDING, RUN_TOML, is_being_recorded, read_meta, write_meta
-from hil.runs.mcapfile import McapSink, McapSource
+from hil.runs.mcapfile import McapRecords, copy_records
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,26 +34,32 @@ def repair_run(path: Path) -> Repair:
         path = path / RECORDING
     if not path.is_file():
         raise RunError(f"{path}: no such recording")
-    if is_being_recorded(path):
+    recording = path.with_name(RECORDING)  # a journal beside it is written as long as that is
+    if is_being_recorded(recording if recording.is_file() else path):
         raise RunError(f"{path}: is being recorded right now")
-    source = McapSource(path)
+    records = McapRecords(path)
     count, last_ns = 0, 0
-    for message in source:
-        count, last_ns = count + 1, max(last_ns, message.log_time_ns)
-    if source.damage is None:
+    for record in records:
+        if isinstance(record, Message):
+            count, last_ns = count + 1, max(last_ns, record.log_time)
+    if records.damage is None:
         return Repair(path, count, None)
     if count == 0:
-        raise RunError(f"{path}: holds no message that can be saved ({source.damage})")
-    fresh = path.with_name(f".{path.name}.repaired")
+        raise RunError(f"{path}: holds no message that can be saved ({records.damage})")
+    fresh: Path | None = None
     try:
-        with fresh.open("wb") as stream:
-            _copy(source, McapSink(stream, source.schemas))
+        with NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as stream:
+            fresh = Path(stream.name)  # its own: another repair may be at the same file
+            copy_records(path, stream)
+        shutil.copymode(path, fresh)
         fresh.replace(path)
-        _note_end(path.parent, last_ns)
+        if path == recording:
+            _note_end(path.parent, last_ns)
     except OSError as error:
-        fresh.unlink(missing_ok=True)
+        if fresh is not None:
+            fresh.unlink(missing_ok=True)
         raise RunError(f"{path}: cannot be repaired: {error.strerror}") from error
-    return Repair(path, count, source.damage)
+    return Repair(path, count, records.damage)
 
 
 def _note_end(folder: Path, last_ns: int) -> None:
@@ -62,13 +72,3 @@ def _note_end(folder: Path, last_ns: int) -> None:
         note = {"ended": ended, "end_reason": "cut off; repaired"}
         recording = meta.recording.model_copy(update=note)
         write_meta(folder, meta.model_copy(update={"recording": recording}))
-
-
-def _copy(source: McapSource, sink: McapSink) -> None:
-    for name, data in source.attachments.items():
-        sink.attach(name, "application/toml", data, 0)
-    for message in McapSource(source.path):
-        sink.write(
-            message.topic, source.schema_of[message.topic], message.data, message.log_time_ns
-        )
-    sink.finish()

@@ -6,13 +6,19 @@ Samples stand where they were taken: nothing is resampled, a row often holds one
 from __future__ import annotations
 
 import difflib
+import lzma
 import re
+import warnings
+import zlib
 from array import array
-from collections.abc import Iterable
-from typing import Final
+from collections.abc import Collection, Iterable
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from hil.config import AnyRig, BicycleFile
 from hil.config.bicycle import SIGNALS as BICYCLE_SIGNALS
@@ -91,6 +97,48 @@ def check_increasing(t: np.ndarray, what: str, row: str, *, strictly: bool) -> N
         raise RunError(
             f"{what}: time {verb} at {row} {k + 1}, from {t[k - 1]:.6f} s to {t[k]:.6f} s"
         )
+
+
+def csv_table(path: Path, **how: Any) -> pd.DataFrame:
+    """The table in a CSV file, compressed too; `how` as pandas has it. RunError where it is none.
+
+    So is one with more cells in a row than it has columns: read on, they would stand under others. For
+    that all columns are read: where some are chosen, pandas drops the surplus without a word.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            table: pd.DataFrame = pd.read_csv(
+                path, index_col=False, skipinitialspace=True, low_memory=False, **how
+            )
+    except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError) as error:
+        raise RunError(f"{path}: is no table of separated values: {error}") from error
+    except UnicodeError as error:
+        raise RunError(f"{path}: is no text: {error}") from error
+    except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
+        raise RunError(f"{path}: cannot be read: {error}") from error
+    return table
+
+
+def parquet_table(path: Path, wanted: Collection[str] | None = None) -> pd.DataFrame:
+    """The `wanted` columns of a parquet file, or all; what pandas kept as an index is one of them.
+
+    RunError where it cannot be read.
+    """
+    try:
+        columns = None if wanted is None else [c for c in parquet_columns(path) if c in wanted]
+        table: pd.DataFrame = pq.read_table(path, columns=columns).to_pandas(ignore_metadata=True)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise RunError(f"{path}: cannot be read as parquet: {error}") from error
+    return table
+
+
+def parquet_columns(path: Path) -> list[str]:
+    """Names of all columns of a parquet file; RunError where it cannot be read."""
+    try:
+        return list(pq.read_schema(path).names)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise RunError(f"{path}: cannot be read as parquet: {error}") from error
 
 
 def check_signals(names: Iterable[str], source: str, rig: AnyRig | None) -> None:

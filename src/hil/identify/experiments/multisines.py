@@ -62,6 +62,7 @@ def multisine_shape(plan: Multisine, rig: RigFile) -> Shape:
     """All realisations one after the other, each faded in and out, with rest between."""
     grid = Grid(rig)
     period_s = grid.seconds(plan.period_s)
+    grid.seconds(plan.realisations * (plan.settle_periods + plan.periods) * period_s)
     steps, fade = grid.steps(period_s), grid.steps(plan.fade_s)
     moving = chosen(plan, rig, [preferred(rig)])
     choice = choose_lines(plan, period_s, len(moving))

@@ -20,6 +20,8 @@ from hil.identify.experiments.description import Lines, Segment
 from hil.identify.experiments.plans import Chirp, Circle, Heave, Moving, Sweep
 from hil.identify.experiments.signals import Array, Motion, chirp, faded, sweep
 
+LONGEST_S: Final = 6.0 * 3600.0
+"""Nobody plays a longer motion; a computer may not hold it either."""
 REST_S: Final = 0.5
 """Standstill before, between and after motions, s."""
 ROWS_HZ: Final = 200.0
@@ -57,7 +59,12 @@ class Grid:
         self.tick_s = rig.bus.cycle * len(rig.bus.pattern)
 
     def seconds(self, duration_s: float) -> float:
-        """The nearest multiple of the bus's interval, at least one, s."""
+        """The nearest multiple of the bus's interval, at least one, s; ConfigError beyond LONGEST_S."""
+        if not duration_s <= LONGEST_S:
+            raise ConfigError(
+                f"this motion lasts {duration_s:.3g} s, at most {LONGEST_S:g} s are played: is it asked for "
+                "in m, rad and Hz?"
+            )
         return max(1, round(duration_s / self.tick_s)) * self.tick_s
 
     def steps(self, duration_s: float) -> int:
@@ -201,6 +208,7 @@ def _tone(plan: Chirp | Sweep | Heave, grid: Grid) -> tuple[Motion, float]:
         rise_s = grid.seconds(held_s + plan.duration_s) - held_s
         return sweep(plan.f_min, plan.f_max, rise_s, grid.step_s), 0.0
     whole_s = 2.0 * grid.seconds(plan.fade_s) + plan.cycles / plan.frequency
+    grid.seconds(whole_s)
     whole_s = ceil(whole_s / grid.tick_s - 1.0e-9) * grid.tick_s
     motion = chirp("linear", plan.frequency, plan.frequency, whole_s, grid.step_s)
     return motion, 1.0 / plan.frequency

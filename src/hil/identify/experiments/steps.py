@@ -104,7 +104,9 @@ def _profile(
 ) -> tuple[Array, tuple[Segment, ...]]:
     """Rows between 0 and 1, and from each onset to the next."""
     grid = Grid(rig)
-    rise_s = ceil(_rise_s(plan, rig, manipulator, top) / grid.tick_s) * grid.tick_s
+    rise_s = _rise_s(plan, rig, manipulator, top)
+    grid.seconds(2.0 * plan.count * (rise_s + plan.hold_s))
+    rise_s = ceil(rise_s / grid.tick_s) * grid.tick_s
     rise = round(rise_s * grid.rate_hz)
     up = smooth_step(np.arange(1, rise + 1) / rise)
     hold = round(grid.seconds(plan.hold_s) * grid.rate_hz)

@@ -74,12 +74,13 @@ def _seconds(raw: Stamps, clock: Clock, where: str) -> tuple[Array, float, npt.N
         factor = 1.0 / clock.rate
     else:  # a log's own stamps are ns, whatever the map says of columns
         factor = _FACTORS[clock.unit] if clock.column else 1e-9
-    if raw.dtype.kind == "M":
-        raw, factor = raw.astype("datetime64[ns]").astype(np.int64), 1e-9
-    rows = np.flatnonzero(~np.isnan(raw)) if raw.dtype.kind == "f" else np.arange(len(raw))
+    lacking = np.isnat(raw) if raw.dtype.kind == "M" else np.isnan(raw)
+    rows = np.flatnonzero(~lacking)
     if len(rows) < 2:
         raise RunError(f"{where}: holds {len(rows)} stamps, that is no run")
     there = raw[rows]
+    if there.dtype.kind == "M":
+        there, factor = there.astype("datetime64[ns]").astype(np.int64), 1e-9
     return (there - there[0]) * factor, float(there[0]) * factor, rows
 
 

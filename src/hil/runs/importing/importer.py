@@ -17,7 +17,7 @@ from hil import __version__
 from hil.config import RigFile
 from hil.configfile import find_rig_file, load_any_rig
 from hil.errors import ConfigError, RunError
-from hil.runs.folder import RIG_TOML, RunMeta, write_meta
+from hil.runs.folder import EXTRA, RIG_TOML, RunMeta, write_meta
 from hil.runs.importing.checks import check_signal, check_sizes
 from hil.runs.importing.clocks import check_clock, check_clocks
 from hil.runs.importing.convert import Converter, Signal, check_map, wanted_columns
@@ -31,7 +31,6 @@ from hil.runs.importing.tables import read_csv, read_parquet
 from hil.runs.table import check_table, signal_order
 
 MAP_TOML: Final = "map.toml"
-EXTRA: Final = "extra.parquet"
 _EPOCH_S: Final = (9.0e8, 4.2e9)
 """First stamps between these (1998 and 2103) are seconds since 1970 and tell when the log began."""
 _CAN_LOGS: Final = (".log", ".blf", ".asc")

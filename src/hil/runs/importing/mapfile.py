@@ -6,7 +6,6 @@ where `times` and `divided_by` name other columns or scalars of the file and `pl
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,7 +14,7 @@ from pydantic import Field, field_validator, model_validator
 from hil.config.base import Positive, Settings
 from hil.configfile import data_folder, load_settings
 from hil.errors import ConfigError
-from hil.runs.folder import Mode, Payload
+from hil.runs.folder import Instant, Mode, Payload
 from hil.runs.importing.units import UNITS, unit_name
 
 TimeUnit = Literal["s", "ms", "us", "ns", "samples", "datetime"]
@@ -100,7 +99,7 @@ class ImportMap(Settings):
     format: Literal["hil-map/1"] = "hil-map/1"
     rig: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")] = Field(description="the rig's name")
     mode: Mode = Field("position", description="what the drives were given; ride: a bicycle")
-    started: datetime | None = Field(None, description="default: from the clock, where it tells")
+    started: Instant | None = Field(None, description="UTC; default: from the clock, if it tells")
     note: str = Field("", description="free text: where the log comes from")
     role: Literal["diagnose", "reference"] = "diagnose"
     payload: Payload | None = None

@@ -32,7 +32,7 @@ class MatSource:
             raise RunError(
                 f"{path}: is a MAT file of version 7.3; save it with -v7 in MATLAB, or export CSV"
             ) from None
-        except (ValueError, TypeError, OSError, EOFError, scipy.io.matlab.MatReadError) as error:
+        except Exception as error:  # whatever SciPy comes upon in a file that is hurt
             raise RunError(f"{path}: cannot be read as a MAT file: {error}") from error
         self._variables = {k: v for k, v in content.items() if not k.startswith("__")}
 

@@ -91,7 +91,7 @@ class McapMessages(MessageSource):
                 continue
             try:
                 content = json.loads(message.data)
-            except ValueError:
+            except (ValueError, RecursionError):
                 broken[message.topic] += 1
                 continue
             if message.topic not in seen:
@@ -171,7 +171,10 @@ def _number(content: Any, field: str) -> float:
             content = content.get(part)
         else:
             return float("nan")
-    return float(content) if isinstance(content, int | float) else float("nan")
+    try:
+        return float(content) if isinstance(content, int | float) else float("nan")
+    except OverflowError:  # a whole number of some hundred digits
+        return float("inf")
 
 
 def _numbers_in(message: Any, limit: int = 50) -> list[str]:

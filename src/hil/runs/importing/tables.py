@@ -6,19 +6,18 @@ import bz2
 import csv
 import gzip
 import lzma
+import zlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from hil.errors import RunError
 from hil.runs.importing.mapfile import FileSettings
 from hil.runs.importing.source import Array, Column, Stamps, no_such
-from hil.runs.table import finite_numbers
+from hil.runs.table import csv_table, finite_numbers, parquet_columns, parquet_table
 
 _OPENERS: Final[dict[str, Callable[..., Any]]] = {
     ".gz": gzip.open,
@@ -26,8 +25,6 @@ _OPENERS: Final[dict[str, Callable[..., Any]]] = {
     ".xz": lzma.open,
 }
 _SEPARATORS: Final = (",", ";", "\t", "|")
-
-
 _DECIMAL_COMMA: Final = r"\s*[-+]?\d+,\d+\s*"
 
 
@@ -53,8 +50,7 @@ class TableSource:
             )
         series = self._series(name)
         if pd.api.types.is_datetime64_any_dtype(series):
-            dates_ns: Stamps = series.dt.tz_localize(None).to_numpy(dtype="datetime64[ns]")
-            return dates_ns
+            return _utc(series)
         if pd.api.types.is_integer_dtype(series) and not series.hasnans:
             return series.to_numpy(dtype=np.int64)
         if dates:
@@ -80,7 +76,7 @@ class TableSource:
                 f"{self.path}: column {name}, row {row + 1}: {series.iloc[row]!r} is no date and time "
                 "as in 2026-01-31T12:00:00.250Z"
             )
-        return parsed.dt.tz_localize(None).to_numpy(dtype="datetime64[ns]")
+        return _utc(parsed)
 
     def unit_of(self, name: str) -> str | None:
         """Tables do not say."""
@@ -94,6 +90,14 @@ class TableSource:
         if name not in self._table.columns:
             raise no_such(self.path, "column", name, self._known)
         return self._table[name]
+
+
+def _utc(dates: pd.Series[Any]) -> Stamps:
+    """In UTC without saying so; those that name no zone are taken for UTC, too."""
+    if dates.dt.tz is not None:
+        dates = dates.dt.tz_convert(None)
+    stamps: Stamps = dates.to_numpy(dtype="datetime64[ns]")
+    return stamps
 
 
 def read_csv(path: Path, wanted: set[str], how: FileSettings) -> TableSource:
@@ -112,41 +116,31 @@ def read_csv(path: Path, wanted: set[str], how: FileSettings) -> TableSource:
         if len(known) != len(first):
             raise RunError(f"{path}: has {len(first)} columns, the map names {len(known)}")
         _check_widths(path, [_split(line, separator) for line in lines], len(known), has_header)
-        table = pd.read_csv(
-            path,
-            sep=r"\s+" if separator == " " else separator,
-            header=0 if has_header else None,
-            names=known,
-            usecols=[name for name in known if name in wanted],
-            skiprows=how.skip_rows,
-            comment=how.comment,
-            decimal=how.decimal,
-            encoding=how.encoding,
-            skipinitialspace=True,
-            low_memory=False,
-        )
-    except (
-        pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeError, LookupError, csv.Error,
-    ) as error:  # fmt: skip
+    except (UnicodeError, LookupError, csv.Error) as error:
         raise RunError(f"{path}: is no table of separated values: {error}") from error
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
         raise RunError(f"{path}: cannot be read: {error}") from error
-    return TableSource(path, table, known)
+    table = csv_table(
+        path,
+        sep=r"\s+" if separator == " " else separator,
+        header=0 if has_header else None,
+        names=known,
+        skiprows=how.skip_rows,
+        comment=how.comment,
+        decimal=how.decimal,
+        encoding=how.encoding,
+    )
+    return TableSource(path, table[[name for name in known if name in wanted]], known)
 
 
 def read_parquet(path: Path, wanted: set[str]) -> TableSource:
     """Read the `wanted` columns of a parquet file."""
-    try:
-        known = list(pq.read_schema(path).names)
-        table = pd.read_parquet(path, columns=[name for name in known if name in wanted])
-    except (pa.ArrowException, OSError) as error:
-        raise RunError(f"{path}: cannot be read as parquet: {error}") from error
-    return TableSource(path, table, known)
+    return TableSource(path, parquet_table(path, wanted), parquet_columns(path))
 
 
 def _first_lines(path: Path, how: FileSettings) -> list[str]:
     """Up to ten lines that hold something, comments left out."""
-    opener = _OPENERS.get(path.suffix, open)
+    opener = _OPENERS.get(path.suffix.lower(), open)
     lines: list[str] = []
     with opener(path, "rt", encoding=how.encoding) as stream:
         for number, line in enumerate(stream):
