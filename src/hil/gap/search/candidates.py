@@ -89,7 +89,12 @@ def fitted_again(
     seen = [replace(f, white=c.noise.whiten(c.problem, f.residual)) for f in fits if f.leaves]
     best = min(seen, key=lambda f: f.total(c))
     if len(best.leaves) > 1 or not is_whole(c, best, RARE):
-        return fit_candidates(c, none, bank, without, say)
+        fits = _bettered(c, fit_candidates(c, none, bank, without, say), seen)
+        if all(f.leaves != best.leaves for f in fits if f is not best):
+            say("fitting " + " + ".join(x.name for x in best.leaves) + " once more")
+            found = fit(c, best.leaves, relative(c, best), best.z)
+            fits = fits if found is None else _bettered(c, fits, [found])
+        return fits
     alone = _single_fits(c, none, Search(c, bank), bank.leaves, without, say)
     return [none, *ended(c, none, _bettered(c, seen, alone), say)]
 
