@@ -19,12 +19,12 @@ from hil.gap import diagnose, locate
 from hil.gap.catalogue.leaves import find_leaves
 from hil.gap.catalogue.nuisances import DELAY_S
 from hil.gap.catalogue.sprung import BEND_HZ, SOFTER_HZ
-from hil.gap.diagnose import _is_springs
 from hil.gap.fits.training import candidates_of
 from hil.gap.floor.rounding import step_of
 from hil.gap.judged.causes import _parameters
 from hil.gap.judged.verdict import not_excited
 from hil.gap.record.leaf import Leaf
+from hil.gap.rounds.twins import is_springs
 from hil.rigs import Manipulator
 from hil.sim import Twin
 from hil.ui.calibration_table import beside_effects, calibration_table
@@ -306,4 +306,4 @@ def test_a_twin_on_springs_is_believed_where_it_needs_none_or_names_another(
     verdict: str, effects: tuple[str, ...], bend_hz: float, is_better: bool, stands: bool
 ):
     told = SimpleNamespace(verdict=verdict, effects=[SimpleNamespace(effect=x) for x in effects])
-    assert _is_springs(told, bend_hz, is_better=is_better) is stands
+    assert is_springs(told, bend_hz, is_better=is_better) is stands

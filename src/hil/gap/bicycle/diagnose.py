@@ -30,11 +30,11 @@ from hil.gap.fits.rounded import rounded
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.noise import NoiseModel
 from hil.gap.judged.diagnosis import Cause, Diagnosis
-from hil.gap.judged.older import as_it_was
 from hil.gap.judged.verdict import answer, judge, no_gap, stands
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.record.problem import Mask
+from hil.gap.rounds.older import as_it_was
 from hil.gap.search.linear import Search
 from hil.rigs.bicycle import with_usual_rider
 from hil.runs import Run

@@ -92,11 +92,12 @@ def fitted_again(
         fits = _bettered(c, fit_candidates(c, none, bank, without, say), seen)
         if all(f.leaves != best.leaves for f in fits if f is not best):
             say("fitting " + " + ".join(x.name for x in best.leaves) + " once more")
-            found = fit(c, best.leaves, relative(c, best), best.z)
-            fits = fits if found is None else _bettered(c, fits, [found])
+            again = fit(c, best.leaves, relative(c, best), best.z)
+            fits = fits if again is None else _bettered(c, fits, [again])
         return fits
     alone = _single_fits(c, none, Search(c, bank), bank.leaves, without, say)
-    return [none, *ended(c, none, _bettered(c, seen, alone), say)]
+    found = _bettered(c, seen, [f for f in alone if is_itself(c, f)])
+    return [none, *ended(c, none, found, say)]
 
 
 def _bettered(c: Calibrated, fits: Sequence[Fit], found: Sequence[Fit]) -> list[Fit]:

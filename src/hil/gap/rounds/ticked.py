@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 
 from hil.gap.fits.fitted import Calibrated, Fit
-from hil.gap.judged.glimpsed import unlike
 from hil.gap.located.residual import cost
 from hil.gap.located.result import Located
 from hil.gap.record.arrivals import find_clocks
 from hil.gap.record.ticks import Clocks
+from hil.gap.rounds.glimpsed import unlike
 
 LESS: Final = 10.0
 """Nats by which ticks beside a fit must explain more than those beside the twin without effects."""

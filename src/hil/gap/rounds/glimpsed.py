@@ -13,8 +13,8 @@ from hil.gap.fits.evidence import ALIKE, distance, explains_better, weigh
 from hil.gap.fits.fit import fit
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.starts import relative
-from hil.gap.judged.calmer import in_vector
 from hil.gap.judged.clear import asked
+from hil.gap.rounds.calmer import in_vector
 
 MOST: Final = 3
 """Fits of unlike answers that stand for all: beside wrong ones the true effect is not best."""

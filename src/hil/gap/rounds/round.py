@@ -1,0 +1,97 @@
+"""One round of a diagnosis: all candidates beside one twin, weighed; or a glimpse of another twin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from hil.config import RigFile
+from hil.gap.catalogue.bank import Bank
+from hil.gap.fits.evidence import weigh
+from hil.gap.fits.fitted import Calibrated, Fit
+from hil.gap.fits.heldout import Split, split
+from hil.gap.fits.rounded import rounded
+from hil.gap.fits.shares import RARE, explained, most_left
+from hil.gap.fits.training import begin, candidates_of
+from hil.gap.floor.rounding import coarse_steps
+from hil.gap.judged.diagnosis import Diagnosis
+from hil.gap.judged.verdict import answer, stands
+from hil.gap.located.habit import Habit
+from hil.gap.located.result import Located
+from hil.gap.rounds.calmer import calmed
+from hil.gap.rounds.glimpsed import again, is_promising, may_be_nothing
+from hil.gap.rounds.question import Question
+from hil.gap.search.candidates import fit_candidates, fitted_again
+
+ALL: Final = 0.95
+"""Share of the gap from which on what explains it leaves nothing to ticks and habits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Considered:
+    """All that a verdict is made of: what was located, and the candidates that were fitted."""
+
+    located: Located
+    calibrated: Calibrated
+    fits: tuple[Fit, ...]
+    """The first is the twin without effects."""
+    bank: Bank
+    parts: Split
+    """Which samples fits saw."""
+    is_large: bool
+    """Whether the gap stands by itself, whatever explains it."""
+    habits: tuple[tuple[Habit, float], ...] = ()
+    """What the rig was found to have or do, unlike the rig file, and how much of it."""
+
+    @property
+    def rig(self) -> RigFile:
+        """Of the twin."""
+        return self.located.evidence.problem.rig
+
+    def answer(self, seed: int = 0) -> Diagnosis:
+        """The verdict on it."""
+        held = ~self.parts.train(self.located.evidence.problem)
+        return answer(
+            self.located, self.calibrated, self.fits, self.bank, held, self.parts.text, seed,
+            self.is_large,
+        )  # fmt: skip
+
+    def explains_all(self) -> bool:
+        """Whether the best fit leaves nothing of the gap: then no ticks, and no habit that no effect is like,
+        can explain it better."""
+        best = weigh(self.calibrated, self.fits)[0][0].fit
+        share = explained(self.calibrated, self.fits[0], best)
+        return bool(best.leaves) and share > ALL and most_left(self.calibrated, best) < RARE
+
+
+def considered(q: Question, located: Located, parts: Split | None = None) -> Considered:
+    """What explains what was located; fits see the samples of `parts`, where they are given."""
+    e = located.evidence
+    whole = e.problem
+    parts = parts or split(whole, e.noise, e.residual)
+    chosen = q.nuisances(whole)
+    steps = {} if "sensor_quantisation" in q.without else coarse_steps(whole, e.residual)
+    c, none = begin(e, parts, chosen, steps, q.seed)
+    q.say("computing what each candidate would do")
+    bank = candidates_of(c, none, q.without)
+    is_large = stands(located, c, none)
+    fits = fit_candidates(c, none, bank, q.without, q.say)
+    calm = calmed(located, c, fits, q.seed)
+    if calm is not None:
+        q.say("once more beside the noise that the best fit leaves")
+        located = calm
+        c, none = begin(calm.evidence, parts, chosen, steps, q.seed)
+        fits = fitted_again(c, none, fits, bank, q.without, q.say)
+    if steps:
+        fits = rounded(c, fits, steps)
+    return Considered(located, c, tuple(fits), bank, parts, is_large)
+
+
+def glimpsed(q: Question, mine: Considered, twin: RigFile) -> tuple[bool, bool]:
+    """Whether another twin explains better than that of `mine`, or leaves nothing to find, as far as the best
+    candidates of `mine` tell."""
+    there = q.locate(twin, mine.located.evidence.problem.clocks)
+    chosen = q.nuisances(there.evidence.problem)
+    c, none = begin(there.evidence, mine.parts, chosen, {}, q.seed)
+    seen = again(mine.calibrated, mine.fits, c, none)
+    return is_promising(mine.calibrated, mine.fits, seen), may_be_nothing(c, seen)

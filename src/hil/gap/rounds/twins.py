@@ -1,0 +1,121 @@
+"""Other twins of a healthy rig: drives with other ticks, habits, springs; taken where they explain better.
+
+Before a cause is named they are asked whether the record is one of theirs: a stiff twin, or one whose
+drives act elsewhere, calls what every machine has a fault.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from hil.gap.catalogue.sprung import BEND_HZ, SOFTER_HZ, sprung_twin
+from hil.gap.fits.evidence import explains_better
+from hil.gap.judged.diagnosis import Diagnosis
+from hil.gap.located.habit import Habit, share_of
+from hil.gap.located.habits import DRAWS, HABITS
+from hil.gap.located.result import Located
+from hil.gap.located.sanity import Finding
+from hil.gap.rounds.question import Question
+from hil.gap.rounds.round import Considered, considered, glimpsed
+from hil.gap.rounds.ticked import clocks_beside
+
+SPRINGY: Final = ("compliance", "loop_gain")
+"""What transmissions that give a little look like to a twin whose do not."""
+
+Habits = list[tuple[Habit, float]]
+
+
+def as_usual(q: Question, located: Located, *, may_draw: bool) -> tuple[Located, Habits]:
+    """What was located, by a twin with habits that no effect is like where those leave no gap; and which.
+
+    `may_draw`: drives do not say clearly that they draw out what force they are told.
+    """
+    problem = located.evidence.problem
+    rig = problem.rig
+    unlike = [(h, share_of(h, located)) for h in HABITS if h.is_unlike and located.is_gap]
+    if may_draw and located.is_gap and problem.are_forces and DRAWS.may(rig):
+        unlike.append((DRAWS, 1.0))
+    for habit, share in unlike:
+        if share != 0.0:
+            other = q.locate(habit.twin(rig, share), problem.clocks)
+            if not other.is_gap:
+                return other, [(habit, share)]
+    return located, []
+
+
+def with_ticks(q: Question, mine: Considered) -> Considered:
+    """`mine`, or what explains better with the drives' ticks where its best fits show them."""
+    if not mine.is_large or mine.explains_all():
+        return mine
+    clocks = clocks_beside(mine.located, mine.calibrated, mine.fits)
+    if clocks is None:
+        return mine
+    q.say("once more with the drives' ticks where the best fit shows them")
+    return _better(mine, considered(q, q.locate(mine.rig, clocks), mine.parts))
+
+
+def with_habits(q: Question, mine: Considered) -> tuple[Considered, Habits]:
+    """`mine`, or what explains better with habits of its drives and legs; and which."""
+    found: Habits = []
+    for habit in HABITS:
+        if habit.is_unlike and mine.explains_all():
+            continue
+        share = share_of(habit, mine.located)
+        if share == 0.0:
+            continue
+        twin = habit.twin(mine.rig, share)
+        q.say(f"a glimpse of {habit.step}")
+        if not glimpsed(q, mine, twin)[0]:
+            continue
+        q.say(f"once more with {habit.step}")
+        other = _better(mine, considered(q, q.locate(twin), mine.parts))
+        if other is not mine:
+            mine = other
+            found.append((habit, share))
+    return mine, found
+
+
+def on_springs(q: Question, mine: Considered) -> tuple[Considered, Finding | None]:
+    """`mine`, or what loads that swing on their transmissions say; and what the reader is told of those."""
+    told = mine.answer(q.seed)
+    if told.verdict == "no_gap" or (mine.is_large and not _is_springy(told)):
+        return mine, None
+    for bend_hz in (BEND_HZ, SOFTER_HZ):
+        twin = sprung_twin(mine.rig, bend_hz)
+        q.say(f"a glimpse of transmissions that swing at {bend_hz:g} Hz, as healthy ones do")
+        if not any(glimpsed(q, mine, twin)):
+            break
+        q.say(f"once more with transmissions that swing at {bend_hz:g} Hz")
+        other = considered(q, q.locate(twin), mine.parts)
+        is_better = _better(mine, other) is other
+        if is_springs(other.answer(q.seed), bend_hz, is_better=is_better):
+            return other, _springs_found(bend_hz)
+        if not is_better:
+            break
+    return mine, None
+
+
+def _better(mine: Considered, other: Considered) -> Considered:
+    is_better = explains_better(mine.calibrated, mine.fits, other.fits)
+    return other if is_better else mine
+
+
+def _springs_found(bend_hz: float) -> Finding:
+    return Finding(
+        "info", "transmissions",
+        f"a twin whose loads swing on their transmissions at {bend_hz:g} Hz, as healthy ones do, explains "
+        "what a stiff one does not: what is shown is that twin's",
+    )  # fmt: skip
+
+
+def is_springs(told: Diagnosis, bend_hz: float, *, is_better: bool) -> bool:
+    """Whether the verdict of a twin on springs stands for that of the stiff one: on usual ones no gap is,
+    or it explains better than the stiff one and names what is no spring."""
+    if told.verdict == "no_gap":
+        return bend_hz == BEND_HZ
+    return is_better and bool(told.effects) and not _is_springy(told)
+
+
+def _is_springy(told: Diagnosis) -> bool:
+    """Whether a verdict is what springs look like to a twin that has none."""
+    return any(x.effect in SPRINGY for x in told.effects)
