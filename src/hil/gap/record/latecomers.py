@@ -1,7 +1,8 @@
 """Setpoints that come just too late: a frame that waits for the bus acts a tick after its fellows.
 
 No stamp tells how long a frame waited. But a drive that takes a setpoint a tick late answers with a kick of
-force, at an instant and of a shape that the twin knows: each frame is asked whether its kick is there.
+force, at an instant and of a shape that the twin knows: each frame is asked whether its kick is there. Of two
+late frames in a row only the second is told: the lag of the first goes on without a kick.
 """
 
 from __future__ import annotations
