@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from hil.errors import RunError
-from hil.exam.case import ANSWER, RIG, read_answer, seal, seals_of
+from hil.exam.case import ANSWER, RIG, name_pattern, read_answer, seal, seals_of
 from hil.exam.intervals import Value
 from hil.exam.marks import Mark, confusion, errors_of, marks_for, reliability_of
 from hil.exam.paper import VERDICTS, Paper
@@ -94,13 +93,15 @@ def mark_exam(
     """
     inner = answers / "answers"
     root = inner if inner.is_dir() else answers
-    found = [p for p in sorted(root.glob(f"*/{ANSWER}")) if re.search(only, p.parent.name)]
+    pattern = name_pattern(only)
+    found = [p for p in sorted(root.glob(f"*/{ANSWER}")) if pattern.search(p.parent.name)]
     if not found:
         raise RunError(
             f"{root}: holds no answers (<id>/{ANSWER}){f' that match {only!r}' if only else ''}"
         )
-    if not diagnoses.is_dir():
-        raise RunError(f"{diagnoses}: no such folder")
+    for folder in (diagnoses, cases, oracle, known):
+        if folder is not None and not folder.is_dir():
+            raise RunError(f"{folder}: no such folder")
     if cases is None and (root.parent / "cases").is_dir():
         cases = root.parent / "cases"
     papers, unsealed, broken, unusable = [], [], [], []
