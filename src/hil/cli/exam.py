@@ -216,6 +216,9 @@ def _show(marked: Marked) -> None:
             )
     for case, what in marked.unusable:
         out.print(f"{case}: {what}", style="yellow", soft_wrap=True)
+    if marked.unanswered:
+        names = ", ".join(marked.unanswered)
+        out.print(f"no answer, so no mark: {names}", style="yellow", soft_wrap=True)
     if marked.unsealed:
         count = len(marked.unsealed)
         out.print(f"{count} cases carry no seal that could be checked", style="yellow")

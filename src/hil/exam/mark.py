@@ -39,6 +39,8 @@ class Marked:
     """Cases whose seals were not there to be checked."""
     unusable: tuple[tuple[str, str], ...]
     """Cases whose diagnosis is missing or broken, and what is wrong."""
+    unanswered: tuple[str, ...] = ()
+    """Cases that have no answer, and so no mark."""
 
     def tables(self) -> dict[str, Any]:
         """As JSON, format hil-exam-marks/1."""
@@ -46,6 +48,7 @@ class Marked:
             "format": FORMAT,
             "cases": len(self.papers),
             "unsealed": list(self.unsealed),
+            "unanswered": list(self.unanswered),
             "unusable": [{"case": c, "what": w} for c, w in self.unusable],
             "groups": [
                 {
@@ -125,7 +128,15 @@ def mark_exam(
             f"{root}: answers that are not those that were sealed: {', '.join(broken)}; an exam with changed "
             "answers is not marked"
         )
-    return Marked(tuple(papers), tuple(_groups(papers)), tuple(unsealed), tuple(unusable))
+    there = [p.parent.name for p in sorted(cases.glob(f"*/{RIG}"))] if cases is not None else []
+    answered = {p.parent.name for p in found}
+    return Marked(
+        tuple(papers),
+        tuple(_groups(papers)),
+        tuple(unsealed),
+        tuple(unusable),
+        tuple(c for c in there if pattern.search(c) and c[0] != "." and c not in answered),
+    )
 
 
 def _read(path: Path) -> tuple[dict[str, Any], str]:
