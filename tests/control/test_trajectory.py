@@ -69,6 +69,14 @@ def test_fit_scales_until_all_limits_are_kept_and_says_so(scale, hz):
             assert any(note.startswith(f"{name}: scaled by {factor:.3f}") for note in fitted.notes)
 
 
+def test_fit_keeps_the_speed_from_row_to_row_that_the_guard_looks_at():
+    t = np.arange(0.0, 5.0, 0.02)
+    roll = 0.3 * np.sin(0.6 * t) * (t > 2.0)
+    sharp = CueTrajectory(NAMES, t, np.outer(roll, [0.0, 0.0, 1.0])).low_passed(3.0)
+    fastest = np.max(np.abs(np.diff(fit(sharp, RIG, MANIPULATOR).trajectory.poses, axis=0))) / 0.02
+    assert fastest <= V[2]
+
+
 def test_fit_keeps_actuators_limits_that_coordinates_do_not_show():
     legs = tuple(
         a.model_copy(update={"stroke": (0.57, 0.63)}) if a.name != "slide" else a

@@ -228,6 +228,35 @@ def test_folders_without_cases_or_answers_are_named(tmp_path: Path) -> None:
         mark_exam(tmp_path, tmp_path)
 
 
+def test_what_is_misspelt_is_named_before_anything_is_done(exam: Path, tmp_path: Path) -> None:
+    seat = Sitting(tmp_path / "said")
+    with pytest.raises(ConfigError, match="no exam case can hold backlsh"):
+        make_exam(Order(rigs=("axis",), effects=("backlsh",)), 1, tmp_path / "exam")
+    with pytest.raises(ConfigError, match="no effect backlsh that could be withheld"):
+        sit_exam(exam, replace(seat, without=("backlsh", "wheel_slip")))
+    with pytest.raises(ConfigError, match=r"'\(' is no pattern"):
+        sit_exam(exam, seat, only="(")
+    with pytest.raises(RunError, match="nowhere: no such folder"):
+        sit_exam(exam, replace(seat, baseline="oracle", answers=tmp_path / "nowhere"))
+    with pytest.raises(ConfigError, match=r"'\(' is no pattern"):
+        mark_exam(tmp_path, exam / "answers", only="(")
+    for folder in ("oracle", "known", "cases"):
+        with pytest.raises(RunError, match="nowhere: no such folder"):
+            mark_exam(tmp_path, exam / "answers", **{folder: tmp_path / "nowhere"})
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("command", [["make", "--cases", "1"], ["sit", "EXAM"]])
+def test_a_file_in_the_place_of_a_folder_for_answers_is_named(
+    exam: Path, tmp_path: Path, command: list[str]
+) -> None:
+    (tmp_path / "taken").write_text("mine")
+    words = [str(exam) if word == "EXAM" else word for word in command]
+    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "taken")])
+    assert isinstance(done.exception, RunError)
+    assert "taken is no folder" in str(done.exception)
+
+
 def test_the_command_line_teaches_and_marks(exam: Path, tmp_path: Path) -> None:
     run = CliRunner()
     assert "seals" in run.invoke(app, ["--help"]).output

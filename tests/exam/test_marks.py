@@ -166,6 +166,15 @@ def test_what_is_missing_or_broken_counts_as_wrong_and_is_named(tmp_path: Path) 
     assert told["failed"] == "RunError: no file"
 
 
+def test_cases_without_an_answer_are_named(tmp_path: Path) -> None:
+    for case in ("kept", "lost", ".half"):
+        (tmp_path / "cases" / case).mkdir(parents=True)
+        (tmp_path / "cases" / case / "rig.toml").touch()
+    marked = _exam(tmp_path, {"kept": (_answer("no_gap"), _said("no_gap"))})
+    assert marked.unanswered == ("lost",)
+    assert marked.tables()["unanswered"] == ["lost"]
+
+
 def test_a_changed_answer_breaks_its_seal(tmp_path: Path) -> None:
     _exam(
         tmp_path, {"a": (_answer("identified", BACKLASH), _said("identified", _cause("backlash")))}

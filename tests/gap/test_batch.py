@@ -167,3 +167,17 @@ def test_a_scheduler_that_is_not_there_is_named(tmp_path, monkeypatch):
     jobs = find_jobs([broken(tmp_path / "a")], "axis", tmp_path / "out")
     with pytest.raises(ConfigError, match="no dask scheduler answers there"):
         run_jobs(jobs, lambda name, text: None, scheduler="tcp://127.0.0.1:9")
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "http://127.0.0.1:9"])
+def test_an_address_that_is_none_of_a_scheduler_is_named(tmp_path, address):
+    pytest.importorskip("distributed")
+    jobs = find_jobs([broken(tmp_path / "a")], "axis", tmp_path / "out")
+    with pytest.raises(ConfigError, match=f"{address}: is no tcp://HOST:PORT"):
+        run_jobs(jobs, lambda name, text: None, scheduler=address)
+
+
+@pytest.mark.parametrize("name", ["gone", "gone.mcap"])
+def test_a_place_that_is_not_there_is_named(tmp_path, name):
+    with pytest.raises(RunError, match=f"{name}: no such run or folder"):
+        find_jobs([tmp_path / name], "axis", tmp_path / "out")

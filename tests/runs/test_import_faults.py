@@ -300,7 +300,11 @@ def in_turn():
 
 
 def test_signals_that_are_written_in_turn_leave_no_gaps(tmp_path):
-    assert not found(bring(log_with(tmp_path, time=in_turn())), "gaps")
+    report = bring(log_with(tmp_path, time=in_turn()))
+    assert not found(report, "gaps")
+    (clock,) = found(report, "clock")
+    assert "2.2 ms apart, 7.8 ms between turns" in clock
+    assert "Hz" not in clock
 
 
 def test_a_gap_between_turns_is_found(tmp_path):

@@ -20,7 +20,7 @@ from hil.rigs import build_rig
 from hil.runs import Run, RunMeta
 from hil.signals import Event
 from hil.ui.report import run_report
-from hil.ui.report_data import Series, thinned, view
+from hil.ui.report_data import Series, drawn, thinned, view
 from hil.ui.report_summary import summary_lines
 
 T = np.arange(0.0, 20.0, 0.01)
@@ -145,6 +145,14 @@ def test_run_without_rig_or_states_still_has_ten_lines(make_run: MakeRun) -> Non
     assert len(lines) == 10
     assert "limits: unknown without a rig file" in lines
     assert any(line.startswith("actuator error: rms/max leg1") for line in lines)
+
+
+@pytest.mark.parametrize("most", [3000, 100])
+def test_no_line_is_drawn_where_there_are_no_samples(most: int) -> None:
+    t = np.concatenate([np.arange(0.0, 5.0, 0.02), np.arange(9.0, 12.0, 0.02)])
+    x, y = drawn(Series(t, np.cos(t)), most)
+    assert x[np.isnan(y)] == pytest.approx([6.99])
+    assert np.all(np.diff(x) > 0.0)
 
 
 def test_thinned_curve_keeps_every_peak_that_a_screen_could_show() -> None:

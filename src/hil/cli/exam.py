@@ -13,6 +13,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from hil.cli.console import err, out
+from hil.cli.outputs import make_ready
 from hil.errors import RunError
 from hil.exam import Marked, Order, Sitting, make_exam, mark_exam, sit_exam
 from hil.exam.mark import Group
@@ -86,6 +87,7 @@ def make(
         raise typer.BadParameter(
             f"{severity!r} is no list of numbers", param_hint="--severity"
         ) from None
+    make_ready(out / "cases")
     order = Order(_list(rigs), seed, severities, _list(kinds), _list(effects), mode.value)
     show = Progress(cases)
     make_exam(order, cases, out, jobs=jobs, on_done=show.done)
@@ -139,6 +141,7 @@ def sit(
     Cases that have a diagnosis in --out are left alone: interrupt and go on as you like, delete a file to sit
     its case again. A case that fails gets a diagnosis with the verdict "error".
     """
+    make_ready(to / "CASE.json")
     knows = baseline is Baseline.oracle or without == "auto"
     if knows and answers is None:
         beside = [cases / "answers", cases.parent / "answers"]
@@ -190,6 +193,7 @@ def mark(
     Every answer counts: a missing or broken diagnosis is a wrong one. Marks come with 95 % intervals, for all
     cases from 3 times the floor on, by rig, and by severity.
     """
+    make_ready(json)
     marked = mark_exam(diagnoses, answers, cases=cases, oracle=oracle, known=known, only=only)
     if json is not None:
         try:
@@ -212,6 +216,9 @@ def _show(marked: Marked) -> None:
             )
     for case, what in marked.unusable:
         out.print(f"{case}: {what}", style="yellow", soft_wrap=True)
+    if marked.unanswered:
+        names = ", ".join(marked.unanswered)
+        out.print(f"no answer, so no mark: {names}", style="yellow", soft_wrap=True)
     if marked.unsealed:
         count = len(marked.unsealed)
         out.print(f"{count} cases carry no seal that could be checked", style="yellow")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from datetime import date
 from pathlib import Path
@@ -11,9 +10,10 @@ from typing import Annotated, Any
 import typer
 
 from hil.cli.console import err, out
+from hil.cli.gap_answer import read_answer_file
 from hil.configfile import find_rig_file, load_any_rig, parse_any_rig
 from hil.effectlines import checked
-from hil.errors import ConfigError, RunError
+from hil.errors import ConfigError
 from hil.gap.apply import alarms, applied_text, chosen_causes, habits_of
 from hil.identify.estimate.rigfile import write_rig_file
 from hil.units import with_unit
@@ -40,7 +40,7 @@ def apply(
     shrank. A verdict of `unknown` or `ambiguous` is applied only with --pick. What the rig was found
     to have or do unlike its file stands in the new one, too.
     """
-    answer = _read(diagnosis)
+    answer = read_answer_file(diagnosis)
     path = find_rig_file(rig)
     picked = tuple(pick or ())
     settings = checked(load_any_rig(rig), rig)
@@ -74,15 +74,3 @@ def apply(
 
 def _actuators(text: str) -> tuple[Any, ...]:
     return tuple(getattr(parse_any_rig(tomllib.loads(text), "rig file"), "actuators", ()))
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise RunError(f"{path}: is no JSON: {error}") from error
-    if not isinstance(found, dict):
-        raise RunError(f"{path}: is no diagnosis")
-    return found

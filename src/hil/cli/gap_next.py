@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from hil.cli.console import err, out, write_json
+from hil.cli.gap_answer import read_answer_file
 from hil.config import BicycleFile
 from hil.configfile import load_any_rig
 from hil.effectlines import checked
-from hil.errors import RunError
-from hil.gap.apply import FORMAT
 from hil.gap.bicycle.next import RideProposal, propose_ride, write_ride_proposal
 from hil.gap.next import Proposal, propose, write_proposal
 
@@ -51,7 +49,7 @@ def next_experiment(
         return
     with err.status("drawing motions") as status:
         found = propose(
-            _read(diagnosis), settings, seconds=seconds, count=count, payload=payload, seed=seed,
+            read_answer_file(diagnosis), settings, seconds=seconds, count=count, payload=payload, seed=seed,
             report=status.update,
         )  # fmt: skip
         write_proposal(to, found)
@@ -66,7 +64,7 @@ def next_experiment(
 
 def _ride(diagnosis: Path, rig: BicycleFile, name: str, to: Path, seed: int, as_json: bool) -> None:
     with err.status("riding") as status:
-        found = propose_ride(_read(diagnosis), rig, seed=seed, report=status.update)
+        found = propose_ride(read_answer_file(diagnosis), rig, seed=seed, report=status.update)
         folders = write_ride_proposal(to, found, seed)
     if as_json:
         simulated = [str(f) for f in folders]
@@ -78,18 +76,6 @@ def _ride(diagnosis: Path, rig: BicycleFile, name: str, to: Path, seed: int, as_
     if found.split.apart():
         then = f"ride it, then: hil gap diagnose RUN... RIDE --rig {name}"
         out.print(then, soft_wrap=True)
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        tables = json.loads(path.read_bytes())
-    except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise RunError(f"{path}: is no JSON: {error}") from error
-    if not isinstance(tables, dict) or tables.get("format") != FORMAT:
-        raise RunError(f"{path}: is no diagnosis: its format is not {FORMAT}")
-    return tables
 
 
 def _show(found: Proposal | RideProposal) -> None:

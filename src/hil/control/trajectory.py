@@ -170,6 +170,10 @@ def fit(
     factors = np.ones(len(rig.coordinates))
     reasons = [""] * len(factors)
     for rule, values, bounds in _uses(fitted, rig):
+        if (
+            rule == "velocity"
+        ):  # from row to row, as the guard of cues has it: never less than central
+            values = np.diff(fitted.poses, axis=0) / fitted.step_s
         peaks = np.max(np.abs(values), axis=0)
         for k in np.flatnonzero(peaks * factors > RESERVE * bounds):
             factors[k] = RESERVE * bounds[k] / peaks[k]

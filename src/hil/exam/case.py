@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from typing import Any, Final
 
 from hil.config import AnyRig, Effect
 from hil.configfile import parse_any_rig, read_toml, rig_toml
-from hil.errors import RunError
+from hil.errors import ConfigError, RunError
 from hil.exam.world import Outside
 from hil.runs import Run, load_run
 from hil.runs.folder import RUN_TOML, Payload, RunMeta, read_meta, run_mode, write_meta
@@ -57,6 +58,14 @@ class Case:
     rig: AnyRig
     runs: tuple[Run, ...]
     references: tuple[Run, ...]
+
+
+def name_pattern(only: str) -> re.Pattern[str]:
+    """What case names are searched for; ConfigError where it is no regular expression."""
+    try:
+        return re.compile(only)
+    except re.error as error:
+        raise ConfigError(f"{only!r} is no pattern (regex): {error}") from error
 
 
 def case_folders(cases: Path) -> list[Path]:

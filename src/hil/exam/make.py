@@ -18,7 +18,7 @@ from hil.exam.menu import Recipe, draw_recipe, effects_of, possible
 from hil.exam.odd import draw_outside, outside_of
 from hil.exam.order import Order
 from hil.exam.rides import RIDE_EFFECTS, RIDE_OUTSIDE, make_ride
-from hil.exam.rigs import RIDDEN, draw_rig
+from hil.exam.rigs import RIDDEN, RIGS, draw_rig
 from hil.exam.severity import Bench, Solved, effect_of, solve_size
 from hil.exam.world import OUTSIDE, Outside, Scatter, build_world, play
 from hil.exam.world.play import WorldError
@@ -42,6 +42,12 @@ def make_exam(
     on_done: Callable[[str, str], None] = lambda case, text: None,
 ) -> None:
     """Make cases 0 .. count - 1 below `out`; those that are there already stay as they are."""
+    offered = {*OUTSIDE, *RIDE_EFFECTS, *RIDE_OUTSIDE, *(e for rig in RIGS for e in possible(rig))}
+    strange = [e for e in order.effects if e not in offered]
+    if strange:
+        raise ConfigError(
+            f"no exam case can hold {', '.join(strange)}; choose of {', '.join(sorted(offered))}"
+        )
     todo = []
     for number in range(count):
         case = order.case_id(number)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from hil.errors import RunError
-from hil.exam.case import ANSWER, RIG, read_answer, seal, seals_of
+from hil.exam.case import ANSWER, RIG, name_pattern, read_answer, seal, seals_of
 from hil.exam.intervals import Value
 from hil.exam.marks import Mark, confusion, errors_of, marks_for, reliability_of
 from hil.exam.paper import VERDICTS, Paper
@@ -40,6 +39,8 @@ class Marked:
     """Cases whose seals were not there to be checked."""
     unusable: tuple[tuple[str, str], ...]
     """Cases whose diagnosis is missing or broken, and what is wrong."""
+    unanswered: tuple[str, ...] = ()
+    """Cases that have no answer, and so no mark."""
 
     def tables(self) -> dict[str, Any]:
         """As JSON, format hil-exam-marks/1."""
@@ -47,6 +48,7 @@ class Marked:
             "format": FORMAT,
             "cases": len(self.papers),
             "unsealed": list(self.unsealed),
+            "unanswered": list(self.unanswered),
             "unusable": [{"case": c, "what": w} for c, w in self.unusable],
             "groups": [
                 {
@@ -94,13 +96,15 @@ def mark_exam(
     """
     inner = answers / "answers"
     root = inner if inner.is_dir() else answers
-    found = [p for p in sorted(root.glob(f"*/{ANSWER}")) if re.search(only, p.parent.name)]
+    pattern = name_pattern(only)
+    found = [p for p in sorted(root.glob(f"*/{ANSWER}")) if pattern.search(p.parent.name)]
     if not found:
         raise RunError(
             f"{root}: holds no answers (<id>/{ANSWER}){f' that match {only!r}' if only else ''}"
         )
-    if not diagnoses.is_dir():
-        raise RunError(f"{diagnoses}: no such folder")
+    for folder in (diagnoses, cases, oracle, known):
+        if folder is not None and not folder.is_dir():
+            raise RunError(f"{folder}: no such folder")
     if cases is None and (root.parent / "cases").is_dir():
         cases = root.parent / "cases"
     papers, unsealed, broken, unusable = [], [], [], []
@@ -124,7 +128,15 @@ def mark_exam(
             f"{root}: answers that are not those that were sealed: {', '.join(broken)}; an exam with changed "
             "answers is not marked"
         )
-    return Marked(tuple(papers), tuple(_groups(papers)), tuple(unsealed), tuple(unusable))
+    there = [p.parent.name for p in sorted(cases.glob(f"*/{RIG}"))] if cases is not None else []
+    answered = {p.parent.name for p in found}
+    return Marked(
+        tuple(papers),
+        tuple(_groups(papers)),
+        tuple(unsealed),
+        tuple(unusable),
+        tuple(c for c in there if pattern.search(c) and c[0] != "." and c not in answered),
+    )
 
 
 def _read(path: Path) -> tuple[dict[str, Any], str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
-import re
 import signal
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -21,9 +20,11 @@ import numpy as np
 
 from hil import __version__
 from hil.blas import one_blas_thread
+from hil.configfile import load_any_rig
 from hil.effectlines import effect_names
 from hil.errors import ConfigError, HilError, RunError
-from hil.exam.case import ANSWER, Case, case_folders, load_case, read_answer, seals_of
+from hil.exam.case import ANSWER, Case, case_folders, load_case, name_pattern, read_answer, seals_of
+from hil.exam.rigs import ALL
 
 Baseline = Literal["random", "best-training", "naive-bic", "oracle"]
 LIMIT_S: Final = 1800.0
@@ -60,13 +61,18 @@ def sit_exam(
     A case that fails, or whose process dies, gets a diagnosis with the verdict "error" and the reason; a
     sitting that is interrupted goes on where it stopped.
     """
-    folders = [f for f in case_folders(cases) if not only or re.search(only, f.name)]
+    pattern = name_pattern(only)
+    folders = [f for f in case_folders(cases) if pattern.search(f.name)]
     if not folders:
         raise RunError(f"{cases}: holds no case whose name matches {only!r}")
     if (sitting.baseline == "oracle" or sitting.without == "auto") and sitting.answers is None:
         raise ConfigError(
             "an oracle, and an exam that withholds effects, need the answers: --answers"
         )
+    if sitting.answers is not None and not sitting.answers.is_dir():
+        raise RunError(f"{sitting.answers}: no such folder")
+    if sitting.without != "auto":
+        _check_effects(sitting.without)
     sitting.out.mkdir(parents=True, exist_ok=True)
     todo = [f for f in folders if not sitting.file(f.name).is_file()]
     on_count(len(todo))
@@ -76,6 +82,16 @@ def sit_exam(
         return
     for folder, text in _in_processes(todo, sitting, jobs):
         on_done(folder.name, text)
+
+
+def _check_effects(names: Sequence[str]) -> None:
+    """ConfigError where one of `names` is no effect of any rig's model: nothing would be withheld."""
+    known = {e for rig in ALL for e in effect_names(load_any_rig(rig))} if names else set()
+    strange = [name for name in names if name not in known]
+    if strange:
+        raise ConfigError(
+            f"no effect {', '.join(strange)} that could be withheld; there are {', '.join(sorted(known))}"
+        )
 
 
 def sit_case(folder: Path, sitting: Sitting) -> str:

@@ -83,6 +83,8 @@ def find_jobs(
     """
     jobs = []
     for place in places:
+        if not place.exists():
+            raise RunError(f"{place}: no such run or folder")
         own = place / "rig.toml"
         if place.suffix == ".mcap" or (place / RUN_TOML).is_file():
             told, healthy, file = [place], [], rig
@@ -249,6 +251,8 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Iterator[tuple[Job, str]
         client = Client(scheduler, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
     except OSError as error:
         raise ConfigError(f"{scheduler}: no dask scheduler answers there: {error}") from error
+    except ValueError as error:
+        raise ConfigError(f"{scheduler}: is no tcp://HOST:PORT: {error}") from error
     with client:
         under_way = {client.submit(do_job, j, pure=False): j for j in jobs}
         for future in completed(list(under_way)):  # type: ignore[no-untyped-call]

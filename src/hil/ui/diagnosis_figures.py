@@ -14,7 +14,7 @@ from hil.gap import Diagnosis
 from hil.gap.record.led import lacking
 from hil.ui.diagnosis_data import Curves, best_first
 from hil.ui.page import FONT, PALETTE
-from hil.ui.report_data import Series, thinned
+from hil.ui.report_data import Series, drawn
 
 Array = NDArray[np.float64]
 
@@ -191,9 +191,9 @@ def _state(found: Diagnosis, c: Curves, actuator: str) -> tuple[Array, Array]:
 def _line(
     figure: go.Figure, t: Array, values: Array, name: str, colour: str, width: float, row: int
 ) -> None:
-    few = thinned(Series(t, values), MOST_POINTS)
+    x, y = drawn(Series(t, values), MOST_POINTS)
     figure.add_scatter(
-        x=np.float32(few.t), y=np.float32(few.values), mode="lines", name=name,
+        x=np.float32(x), y=np.float32(y), mode="lines", name=name,
         line={"color": colour, "width": width}, hovertemplate=name + " %{y:.4g}<extra></extra>",
         row=row, col=1,
     )  # fmt: skip

@@ -25,7 +25,7 @@ SHOWN: Final = 3
 _COLOUR: Final = {
     "identified": "#dc2626", "ambiguous": "#d97706", "unknown": "#7c3aed", "no_gap": "#16a34a",
 }  # fmt: skip
-_HELD = "shaded: held out, no fit has seen it"
+_HELD = "shaded: held out, no fit has seen it; blank: not judged"
 _SIGNALS: Final = (
     "Before, floor and times: of the whole record, each signal by itself. After: of what fits have seen. "
     "(The verdict's figures are of what they have not seen.) Likeness after ISO/TS 18571 rates corridor, "

@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 
 from hil.gap import Located
 from hil.gap.record.regions import DIMENSIONS
-from hil.ui.report_data import Series, thinned
+from hil.ui.report_data import Series, drawn
 
 Array = NDArray[np.float64]
 
@@ -105,9 +105,9 @@ def time_figure(found: Located) -> go.Figure:
                     line={"color": FLOOR, "width": 1}, fill="tonexty" if sign < 0.0 else None,
                     fillcolor="rgba(203,213,225,0.55)", hoverinfo="skip", showlegend=False, row=k, col=1,
                 )  # fmt: skip
-            few = thinned(Series(t, e.residual[x.part][kept]), MOST_POINTS)
+            line_t, left = drawn(Series(t, e.residual[x.part][kept]), MOST_POINTS)
             figure.add_scatter(
-                x=np.float32(few.t), y=np.float32(few.values), mode="lines", showlegend=False,
+                x=np.float32(line_t), y=np.float32(left), mode="lines", showlegend=False,
                 line={"color": LEFT, "width": 1},
                 hovertemplate=f"{s.signal} %{{y:.4g}} {s.unit}<extra></extra>", row=k, col=1,
             )  # fmt: skip

@@ -31,7 +31,7 @@ each frequency band and in each region of operation. 1 is noise alone. Written i
 explainable gap.</p>$map</section>
 <section><h2>Signals</h2>$signals</section>
 <section><h2>Residual over time</h2><p class="how">Measured minus twin. Grey: twice the floor, which grows
-where timing on the bus matters.</p>$time</section>
+where timing on the bus matters. Blank: not judged, as forces at rest.</p>$time</section>
 $state
 <section><h2>Calibration that was taken out first</h2><p class="how">$calibration</p>$nuisances</section>
 <section><h2>How it was computed</h2><p class="how">Floor: $floor.</p><p class="how">Shares: squares

@@ -25,6 +25,9 @@ Array = npt.NDArray[np.float64]
 MOST_POSES: Final = 40_000
 """Forward kinematics of so many instants at most (about 0.1 ms each); longer runs are thinned."""
 
+HOLE: Final = 20.0
+"""A step of so many usual ones holds no samples, as of forces at rest, which are not judged."""
+
 
 @dataclass(frozen=True, slots=True)
 class Series:
@@ -137,6 +140,16 @@ def thinned(series: Series, most: int) -> Series:
     picks = np.sort(np.stack([start + blocks.argmin(1), start + blocks.argmax(1)], 1), axis=1)
     index = np.unique(np.concatenate([picks.ravel(), [0, n - 1]]))
     return Series(series.t[index], series.values[index], series.unit)
+
+
+def drawn(series: Series, most: int) -> tuple[Array, Array]:
+    """`thinned`, with a NaN in each hole of the samples: a line across it would be of none of them."""
+    steps = np.diff(series.t)
+    is_hole = steps > HOLE * np.median(steps) if len(steps) else steps > 0.0
+    middle = series.t[:-1][is_hole] + 0.5 * steps[is_hole]
+    few = thinned(series, most)
+    at = np.searchsorted(few.t, middle)
+    return np.insert(few.t, at, middle), np.insert(few.values, at, np.nan)
 
 
 def _quantity(name: str, unit: str, cue: Series, setpoint: Series, measured: Series) -> Quantity:

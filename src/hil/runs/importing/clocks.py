@@ -134,7 +134,8 @@ def check_clock(line: Timeline) -> list[Finding]:
                 f"{line.where}: a sample each {usual:.3g} s is no log of motion: is its unit {unit}?",
             )
         )  # fmt: skip
-    gaps = np.flatnonzero(steps > GAP * _wait(steps, usual))
+    wait = _wait(steps, usual)
+    gaps = np.flatnonzero(steps > GAP * wait)
     if gaps.size:
         worst = int(gaps[np.argmax(steps[gaps])])
         found.append(
@@ -146,12 +147,14 @@ def check_clock(line: Timeline) -> list[Finding]:
         )  # fmt: skip
     whole = moving[moving <= GAP * usual]
     jitter = float(np.std(whole)) if whole.size else 0.0
+    pace = f"{1.0 / usual:.6g} Hz, jitter {jitter * 1e3:.3f} ms"
+    if wait > usual:  # signals in turns: the steps within a turn are no rate of the log
+        pace = f"{usual * 1e3:.4g} ms apart, {wait * 1e3:.4g} ms between turns"
     found.insert(
         0,
         Finding(
             "clock", line.label, "ok",
-            f"{len(line.t_s)} {line.row_word}s in {line.t_s[-1]:.6g} s, {1.0 / usual:.6g} Hz, "
-            f"jitter {jitter * 1e3:.3f} ms",
+            f"{len(line.t_s)} {line.row_word}s in {line.t_s[-1]:.6g} s, {pace}",
         ),
     )  # fmt: skip
     return found
