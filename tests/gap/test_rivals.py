@@ -112,11 +112,11 @@ def test_springs_that_shake_an_imu_go_by_what_they_promise_and_others_by_what_th
         assert asked(sizes, dict.fromkeys(sizes, 1.0), promise) == order
 
 
-@pytest.mark.parametrize(("prior", "is_whole"), [(2.0, True), (15.0, False)])
-def test_a_fit_that_pushed_nuisances_far_is_not_whole(monkeypatch, prior, is_whole):
+@pytest.mark.parametrize(("prior", "expected"), [(2.0, True), (15.0, False)])
+def test_a_fit_that_pushed_nuisances_far_is_not_whole(monkeypatch, prior, expected):
     monkeypatch.setattr(joint, "most_left", lambda c, f: 1.0)
     head = SimpleNamespace(prior_cost=prior, residual=np.zeros(3))
-    assert joint._is_whole(SimpleNamespace(), head) is is_whole
+    assert joint.is_whole(SimpleNamespace(), head, joint.LEFT) is expected
 
 
 def test_freedom_that_a_gap_asks_for_costs_no_more_than_that_of_the_law_that_leaves_it(monkeypatch):

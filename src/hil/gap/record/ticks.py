@@ -71,7 +71,7 @@ def acting(rig: RigFile, t_sent: Array, ticks: Ticks | AtSync | None) -> Array:
         return t_sent
     if isinstance(ticks, AtSync):
         late = np.isin(t_sent, ticks.late) + ticks.share * np.isin(t_sent, ticks.untold)
-        sent = ticks.regular(t_sent) + rig.bus.position_loop * late
+        sent = np.maximum.accumulate(ticks.regular(t_sent) + rig.bus.position_loop * late)
         return acting(rig, sent, ticks.ticks)
     if rig.bus.retimed:  # the first frame starts the drive's clock, and all act by that
         return np.asarray(t_sent + ticks.late_s)
