@@ -170,10 +170,6 @@ def fit(
     factors = np.ones(len(rig.coordinates))
     reasons = [""] * len(factors)
     for rule, values, bounds in _uses(fitted, rig):
-        if (
-            rule == "velocity"
-        ):  # from row to row, as the guard of cues has it: never less than central
-            values = np.diff(fitted.poses, axis=0) / fitted.step_s
         peaks = np.max(np.abs(values), axis=0)
         for k in np.flatnonzero(peaks * factors > RESERVE * bounds):
             factors[k] = RESERVE * bounds[k] / peaks[k]
@@ -193,7 +189,9 @@ def fit(
 
 
 def _uses(trajectory: CueTrajectory, rig: RigFile) -> list[tuple[str, Array, Array]]:
-    velocity, acceleration, jerk = trajectory.derivatives()
+    """Of each rule its name, values and bounds; velocity from row to row, as the guard of cues has it."""
+    _, acceleration, jerk = trajectory.derivatives()
+    velocity = np.diff(trajectory.poses, axis=0) / trajectory.step_s
     bounds = [np.asarray(x) for x in (rig.limits, *rig.cue_limits())]
     values = (trajectory.poses, velocity, acceleration, jerk)
     rules = ("workspace", "velocity", "acceleration", "jerk")
