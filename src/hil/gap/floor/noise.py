@@ -26,6 +26,7 @@ from hil.gap.floor.draws import UNKNOWN, draws, longest_wait_s, sensor_sigma
 from hil.gap.floor.loudness import Level, as_loud
 from hil.gap.record.problem import Problem
 from hil.gap.record.repeats import Repeats
+from hil.gap.record.ticks import AtSync
 
 Array = NDArray[np.float64]
 
@@ -214,13 +215,9 @@ def find_noise(
     late, sensed = draws(problem, vector, rng, count)
     drawn = late + sensed
     timing = time_sensitivity(problem, vector)
-    wait_us = 1e6 * longest_wait_s(problem.rig)
-    ticks = (
-        "at the drives' ticks as read from the record" if problem.clocks else "anywhere in a tick"
-    )
     text = (
-        f"noise model: the rig file's sensor noise and rounding, answers' jitter, setpoints that act {ticks} "
-        f"after waits of up to {wait_us:.0f} µs; {count} records drawn from the twin itself"
+        "noise model: the rig file's sensor noise and rounding, answers' jitter, setpoints that act "
+        f"{_acting(problem)}; {count} records drawn from the twin itself"
     )
     if problem.are_forces:
         text += (
@@ -250,6 +247,16 @@ def find_noise(
         "model, whose shape in time is kept"
     )
     return replace(from_draws(problem, scaled, "repeats", text, timing), levels=levels)
+
+
+def _acting(problem: Problem) -> str:
+    """When setpoints act in the draws, in words."""
+    ticks = problem.clocks.values()
+    if ticks and all(isinstance(x, AtSync) for x in ticks):
+        return "at SYNC, or a tick later where the record says so"
+    waits = f"after waits of up to {1e6 * longest_wait_s(problem.rig):.0f} µs"
+    place = "at the drives' ticks as read from the record" if ticks else "anywhere in a tick"
+    return f"{place} {waits}"
 
 
 def time_sensitivity(problem: Problem, vector: Array) -> Array:
