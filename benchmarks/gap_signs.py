@@ -26,7 +26,7 @@ import pandas as pd
 from hil.errors import HilError
 from hil.exam.case import ANSWER, case_folders, load_case, read_answer
 from hil.exam.paper import Paper
-from hil.gap.diagnose import Considered, consider
+from hil.gap.diagnose import consider
 from hil.gap.fits.evidence import weigh
 from hil.gap.fits.fitted import Fit
 from hil.gap.fits.heldout import traces
@@ -37,6 +37,7 @@ from hil.gap.judged.doubt import explained_share
 from hil.gap.judged.verdict import SLOW_HZ
 from hil.gap.located.events import jumps
 from hil.gap.located.result import Located
+from hil.gap.rounds.round import Considered
 
 SIGNS = (
     "share", "unseen", "stands", "varies", "nats", "trace", "saved", "priors", "floors", "loud", "lone",

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hil.config import RigFile
 from hil.gap.catalogue.bank import Bank
 from hil.gap.fits.evidence import weigh
@@ -48,11 +51,15 @@ class Considered:
         """Of the twin."""
         return self.located.evidence.problem.rig
 
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Samples (N,) that no fit saw."""
+        return ~self.parts.train(self.located.evidence.problem)
+
     def answer(self, seed: int = 0) -> Diagnosis:
         """The verdict on it."""
-        held = ~self.parts.train(self.located.evidence.problem)
         return answer(
-            self.located, self.calibrated, self.fits, self.bank, held, self.parts.text, seed,
+            self.located, self.calibrated, self.fits, self.bank, self.held, self.parts.text, seed,
             self.is_large,
         )  # fmt: skip
 
