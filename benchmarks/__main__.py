@@ -10,6 +10,7 @@ import platform
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from benchmarks.figure import Options, Table
 
@@ -65,7 +66,7 @@ def main() -> None:
     if unknown := set(given.names) - set(NAMES):
         parser.error(f"no figure {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
     options = Options(given.quick, given.plots, given.save, tuple(given.parts))
-    results = {}
+    results: dict[str, dict[str, Any]] = {}
     for name in given.names or NAMES:
         before, started_s = machine(), time.monotonic()
         tables = run(name, options)

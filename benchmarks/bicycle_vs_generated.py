@@ -15,14 +15,15 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import sympy as sp
 
+import hil.rigs.bicycle.derivation as derivation
 from benchmarks.figure import Options, Table
 from hil.configfile import load_bicycle
-from hil.rigs.bicycle import Packed, Smooth, derivation, pack, ride, smooth
+from hil.rigs.bicycle import Packed, Smooth, pack, ride, smooth
 from hil.rigs.bicycle.kernel import close_loop
 
 RATE_HZ, SECONDS = 100.0, 37.0
@@ -37,7 +38,7 @@ class Other(Protocol):
         """qd, qdd and the nine multipliers at q."""
 
 
-def rigid(found: dict[str, object], q: list[sp.Symbol], qd: list[sp.Symbol]) -> list[sp.Matrix]:
+def rigid(found: dict[str, Any], q: list[sp.Symbol], qd: list[sp.Symbol]) -> list[sp.Matrix]:
     """H, h, G, g, spins, frames, J and j of the rigid bicycle, bodies one below the other."""
     parts = [
         sp.Matrix.vstack(*(m[:, :9] if m.shape[1] == 12 else m for m in found[n]))

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import canopen
 from canopen.profiles.p402 import BaseNode402
@@ -29,7 +30,6 @@ from hil.configfile import data_folder
 from hil.control.demo_ride import DemoRide
 from hil.control.streaming import cues
 from hil.daemon.core import RigCore
-from hil.daemon.records import Record
 from hil.daemon.simulated import SimulatedSession, cue_at
 from hil.daemon.wire import encode
 from hil.drivefiles import load_profiles
@@ -123,7 +123,7 @@ class Meter:
         self.spent_s = 0.0
         self.counts = False
 
-    def __call__(self, *arguments: Record | object) -> object:
+    def __call__(self, *arguments: object) -> Any:
         """Call it."""
         began_s = time.thread_time()
         result = self._function(*arguments)
@@ -136,7 +136,7 @@ class Meter:
         return lambda *arguments: self(owner, *arguments)
 
 
-class Nowhere(canopen.Network):
+class Nowhere(canopen.Network):  # type: ignore[misc]
     """canopen's network without a bus."""
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:

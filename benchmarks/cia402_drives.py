@@ -60,7 +60,7 @@ class LightDrive:
         self._sync_s = -1.0
         self.frames = drive.frames
         self._word = -1
-        self._target = self._position = 0
+        self._target = self._position = self._status = 0
         self._is_new = False
         self.is_on = False
 

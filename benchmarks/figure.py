@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +29,7 @@ class Table:
 
     title: str
     columns: tuple[str, ...]
-    rows: dict[str, tuple[Cell, ...]]
+    rows: Mapping[str, tuple[Cell, ...]]
     note: str = ""
 
     def __post_init__(self) -> None:

@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hil.errors import HilError
+from hil.config import BicycleFile
+from hil.errors import HilError, RunError
 from hil.exam.case import ANSWER, case_folders, load_case, read_answer
 from hil.exam.paper import Paper
 from hil.gap.diagnose import consider
@@ -94,6 +95,8 @@ def row_of(folder: Path) -> dict[str, Any]:
     """One case diagnosed beside its answer (`folder`: CASES/cases/ID)."""
     case = load_case(folder)
     answer = read_answer(folder.parents[1] / "answers" / folder.name / ANSWER)
+    if isinstance(case.rig, BicycleFile):
+        raise RunError(f"{folder}: a ride; its signs are others")
     try:
         x = consider(case.runs, case.rig, references=case.references)
         found = x.answer()
@@ -114,7 +117,7 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Quantiles of each sign by kind of case, and by whether its nearest candidate is right."""
     named = rows["kind"].where(rows["kind"].isin(["none", "outside"]), rows["is_right"].map(
         {True: "catalogue, right", False: "catalogue, wrong"}))  # fmt: skip
-    parts = []
+    parts: list[pd.DataFrame] = []
     for kind, some in rows.groupby(named):
         q = (
             some[[s for s in SIGNS if s in some]]

@@ -79,9 +79,9 @@ def coverage(
             each.setdefault(kind, []).extend(rows)
     out = {}
     for kind, found in each.items():
-        rows = np.array(found)
-        in90, in95, mean = rows.mean(axis=0).tolist()
-        out[kind] = (in90, in95, mean, float(rows[:, 2].std()))
+        table = np.array(found)
+        in90, in95, mean = table.mean(axis=0).tolist()
+        out[kind] = (in90, in95, mean, float(table[:, 2].std()))
     return out
 
 

@@ -36,7 +36,7 @@ from hil.client import RigClient
 from hil.config import RigFile
 from hil.configfile import rig_toml
 from hil.control.demo_ride import DemoRide
-from hil.daemon.gateway.gateway import GatewayOptions
+from hil.daemon.gateway.options import GatewayOptions
 from hil.daemon.realtime import PRIORITY, request_fifo
 from hil.daemon.run import run_rig
 from hil.drives.profile import LustProfile

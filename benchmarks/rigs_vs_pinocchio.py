@@ -42,11 +42,13 @@ class ThroughPinocchio:
         pinocchio.forwardKinematics(self.model, self.data, q)
         place = self.data.oMi[1]
         legs = self.cabin @ place.rotation.T + place.translation - self.base
-        return np.sqrt(np.einsum("ij,ij->i", legs, legs))
+        lengths: np.ndarray = np.sqrt(np.einsum("ij,ij->i", legs, legs))
+        return lengths
 
     def wrench(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Force and moment (6,) that the motion needs, platform axes."""
-        return pinocchio.rnea(self.model, self.data, q, v, a)
+        needed: np.ndarray = pinocchio.rnea(self.model, self.data, q, v, a)
+        return needed
 
     def leg_forces(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Leg forces (6,)."""

@@ -145,7 +145,7 @@ def measure(options: Options = Options()) -> list[Table]:  # noqa: B008 - a froz
         stages: dict[str, list[float]] = {}
         for mode in MODES:
             us = watch(rig_of(name, mode), ride_s)
-            steps = sum(us[f"{p.strip('_')}.{m}"] for p, m in STAGES)
+            steps = np.sum([us[f"{p.strip('_')}.{m}"] for p, m in STAGES], axis=0)
             costs[f"{name}, {mode}"] = _row(steps)
             for stage, durations in us.items():
                 stages.setdefault(stage, []).extend(_row(durations))

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from hil.control.streaming import AHEAD_S, cues
 from hil.daemon.records import Record, SampleRecord, StateRecord
 from hil.daemon.simulated import SimulatedSession, cue_at
 from hil.drives.profile import LustProfile
+from hil.drives.profiles import Profiles
 from hil.rigs import build_rig
 
 Array = NDArray[np.float64]
@@ -40,6 +42,16 @@ CHIRP_M = 0.003
 """5 Hz of it asks 0.17 rad/s and 4.2 rad/s² of roll: inside the cue limits, so nothing is held back."""
 WIDE_M_S2 = 0.8
 """Acceleration of the leg that the wide chirp's amplitude falls with, where CHIRP_M would ask more."""
+
+
+class Ridden(Protocol):
+    """A rig in a control mode, with its drive files."""
+
+    def rig(self) -> RigFile:
+        """The rig in this mode."""
+
+    def profiles(self) -> Profiles:
+        """Its drive files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,14 +95,14 @@ class Trace:
         return self.wanted_m - self.measured_m
 
 
-def session_of(mode: Mode, seed: int = 0) -> SimulatedSession:
+def session_of(mode: Ridden, seed: int = 0) -> SimulatedSession:
     """An armed rig in this mode."""
     session = SimulatedSession(mode.rig(), mode.profiles(), seed=seed)
     session.arm()
     return session
 
 
-def ride(mode: Mode, motion: Motion, duration_s: float, *, is_known_ahead: bool = True) -> Trace:
+def ride(mode: Ridden, motion: Motion, duration_s: float, *, is_known_ahead: bool = True) -> Trace:
     """Let one leg do `motion` for `duration_s`, the others stand."""
     session = session_of(mode)
     rig, manipulator = session.rig, build_rig(session.rig)
