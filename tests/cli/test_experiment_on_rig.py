@@ -1,9 +1,10 @@
-"""An experiment through a running daemon, with its processes, its bus and its network."""
+"""Experiments and cues through a running daemon, with its processes, its bus and its network."""
 
 import socket
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 
 import pytest
@@ -20,6 +21,7 @@ from hil.runs import load_run, read_cue_file
 run = CliRunner().invoke
 START_S = 60.0
 """A fresh checkout compiles the model first."""
+STALE_S = 1.0
 
 
 def reached(endpoint: str) -> RigClient:
@@ -33,15 +35,22 @@ def reached(endpoint: str) -> RigClient:
             time.sleep(0.2)
 
 
-@pytest.fixture
-def daemon(tmp_path):
+def armed(client: RigClient) -> None:
+    end_s = time.monotonic() + START_S
+    while not client.command("arm").ok and time.monotonic() < end_s:
+        time.sleep(0.3)
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
     """Simulated rig and daemon of the axis; gives endpoint, rig file and folder of runs."""
+    tmp_path = tmp_path_factory.mktemp("daemon")
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
     patient = load_rig("axis").model_dump()
     patient["safety"].update(overrun_cycles=100, answer_timeout=1.0, drive_watchdog=1.0)
-    patient["cue"]["stale"] = 1.0  # a busy machine is not what is tested here
+    patient["cue"]["stale"] = STALE_S  # a busy machine is not what is tested here
     rig = tmp_path / "patient.toml"
     rig.write_text(rig_toml(parse_settings(patient, RigFile, "axis")))
     bus, runs = f"hub:{tmp_path / 'bus.sock'}", tmp_path / "runs"
@@ -70,9 +79,7 @@ def test_an_armed_rig_plays_an_experiment_and_parks(daemon):
         refused = run(app, step)
         assert isinstance(refused.exception, CommandRefused)
         assert "arm it first" in str(refused.exception)
-        end_s = time.monotonic() + START_S
-        while not client.command("arm").ok and time.monotonic() < end_s:
-            time.sleep(0.3)
+        armed(client)
         result = run(app, step)
         assert result.exit_code == 0, result.exception
         assert next(client.states()).state == "parked"
@@ -87,3 +94,24 @@ def test_an_armed_rig_plays_an_experiment_and_parks(daemon):
     starts = (moving.iloc[0] - played.start_s, designed[0])
     assert starts[0] == pytest.approx(starts[1], abs=0.05)
     assert sent["axis.setpoint"].max() == pytest.approx(0.01, abs=2e-4)
+
+
+def test_a_ride_needs_an_armed_rig_and_ends_when_the_rig_no_longer_follows(daemon):
+    endpoint, rig, _ = daemon
+    ride = ["cue", "ride", str(rig), "--endpoint", endpoint]
+    with reached(endpoint) as client:
+        assert client.command("disarm").ok
+        refused = run(app, ride)
+        assert isinstance(refused.exception, CommandRefused)
+        assert "arm it first" in str(refused.exception)
+        time.sleep(STALE_S)  # the last cue of another client would still drive the rig
+        armed(client)
+        with ThreadPoolExecutor() as pool:
+            riding = pool.submit(run, app, ride)
+            next(s for s in client.states() if s.state == "engaged")
+            assert client.command("stop").ok
+            ended = riding.result(timeout=20.0)
+        assert isinstance(ended.exception, CommandRefused)
+        assert "went to parking" in str(ended.exception)
+        time.sleep(0.5)
+        assert client.command("disarm").ok, "a stopped rig stays where it is"

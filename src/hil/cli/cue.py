@@ -13,13 +13,13 @@ import typer
 from hil.cli.client import Endpoint
 from hil.cli.console import JsonFlag, RigArgument, err, out, write_json
 from hil.client import ENDPOINT, RigClient
+from hil.client.stream import need_following, stream
 from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.control.demo_ride import DURATION_S, DemoRide
 from hil.control.streaming import cues, motion_of
 from hil.control.trajectory import fit
 from hil.errors import ConfigError, RunError
-from hil.messages import cue_message
 from hil.rigs import build_rig
 from hil.runs.cuefile import read_cue_file, write_cue_file
 from hil.runs.cuelog import cue_from_log
@@ -133,12 +133,9 @@ def from_log(
     out.print(f"{target}: {duration_s:.1f} s for {settings.name}", soft_wrap=True)
 
 
-def _stream(rig: RigFile, stream: Iterable[Cue], endpoint: str) -> None:
+def _stream(rig: RigFile, cues_of: Iterable[Cue], endpoint: str) -> None:
     with RigClient(rig.name, endpoint, name="hil-cue") as client:
-        start_s, count = time.monotonic(), 0
-        for cue in stream:
-            time.sleep(max(0.0, start_s + cue.t_client_s - time.monotonic()))
-            client.cues(cue_message(cue, rig.coordinates).poses, start_s + cue.t_client_s)
-            count += 1
-        reply = client.command("park")
-    err.print(f"{count} cues sent in {time.monotonic() - start_s:.1f} s; {reply.message}")
+        need_following(client)
+        start_s = time.monotonic()
+        reply = stream(client, cues_of)
+    err.print(f"cues sent for {time.monotonic() - start_s:.1f} s; {reply.message}")

@@ -10,6 +10,7 @@ from typing import Final
 import msgspec
 
 from hil.client import RigClient
+from hil.client.stream import FOLLOWING, need_following, stream
 from hil.config import Effect, RigFile
 from hil.daemon.records import EventRecord, Record
 from hil.daemon.simulated import record_ride
@@ -18,13 +19,12 @@ from hil.errors import CommandRefused, RunError
 from hil.identify.experiments.description import Played, write_experiment
 from hil.identify.experiments.design import Design
 from hil.identify.experiments.shaped import experiment_cues, lead_s
-from hil.messages import CueMessage, cue_message
+from hil.messages import CueMessage
 from hil.runs.folder import RECORDING, read_meta
 from hil.runs.mcapfile import McapSource
 from hil.safety import state_settings
 
 CLIENT: Final = "experiment"
-MOVING: Final = ("ready", "engaged")
 
 
 def play_simulated(
@@ -89,14 +89,13 @@ def play_on_rig(
     the experiment alone. CommandRefused where the rig is not armed, or leaves motion before the end:
     such a run gets no description.
     """
-    _need_motion(client, rig)
+    need_following(client)
     before = _folders(runs)
     _record(client, on=False)
     _record(client, on=True)
     try:
-        _stream(design, rig, client, on_progress)
+        stream(client, experiment_cues(design.trajectory, rig, CLIENT), on_progress)
     finally:
-        client.command("park")
         _await_parked(client, rig)
         _record(client, on=False)
         _record(client, on=True)
@@ -143,36 +142,10 @@ def _note(design: Design) -> str:
     return f"{design.description.plan.kind} of {', '.join(design.description.coordinates)}"
 
 
-def _stream(
-    design: Design, rig: RigFile, client: RigClient, on_progress: Callable[[float], None]
-) -> None:
-    events = client.events()
-    start_s = time.monotonic()
-    for cue in experiment_cues(design.trajectory, rig, CLIENT):
-        time.sleep(max(0.0, start_s + cue.t_client_s - time.monotonic()))
-        client.cues(cue_message(cue, rig.coordinates).poses, start_s + cue.t_client_s)
-        state = client.state()
-        if state is not None and state.state not in MOVING:
-            told = [e.text for e in events.waiting() if e.severity != "info"]
-            why = "; ".join(filter(None, (state.fault, *told[-3:]))) or "it was told to"
-            raise CommandRefused(
-                f"{rig.name} went to {state.state} {cue.t_client_s:.1f} s into the motion: {why}"
-            )
-        on_progress(cue.t_client_s)
-
-
-def _need_motion(client: RigClient, rig: RigFile) -> None:
-    state = next(client.states())
-    if state.state not in MOVING:
-        raise CommandRefused(
-            f"{rig.name} is {state.state}; arm it first: `hil command {rig.name} arm`"
-        )
-
-
 def _await_parked(client: RigClient, rig: RigFile) -> None:
     end_s = time.monotonic() + state_settings(rig).park_time_s
     for state in client.states():
-        if state.state not in (*MOVING, "parking") or time.monotonic() > end_s:
+        if state.state not in (*FOLLOWING, "parking") or time.monotonic() > end_s:
             return
 
 

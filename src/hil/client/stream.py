@@ -1,0 +1,57 @@
+"""A motion known beforehand, streamed to a running rig in its own time for as long as the rig follows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from hil.client.rig import RigClient
+from hil.errors import CommandRefused
+from hil.messages import CommandReply, cue_message
+from hil.signals import Cue
+
+FOLLOWING: Final = ("ready", "engaged")
+"""States in which a fresh cue moves the rig, or will at once."""
+
+
+def need_following(client: RigClient) -> None:
+    """CommandRefused unless the rig is in a state that follows cues; RigNotReached if it is silent."""
+    state = next(client.states())
+    if state.state not in FOLLOWING:
+        why = f" ({state.fault})" if state.fault else ""
+        raise CommandRefused(
+            f"{client.rig} is {state.state}{why}; arm it first: `hil command {client.rig} arm`"
+        )
+
+
+def stream(
+    client: RigClient, cues: Iterable[Cue], on_progress: Callable[[float], None] = lambda t_s: None
+) -> CommandReply:
+    """Send `cues`, each at its own time after now, then park; returns what the rig answered to that.
+
+    Parks too where it is interrupted. `on_progress` is told the time of each cue, s. CommandRefused as soon
+    as the rig no longer follows, with the state that it went to and why; then it is left as it is: somebody
+    may have stopped it.
+    """
+    events = client.events()
+    start_s = time.monotonic()
+    is_following = True
+    try:
+        for cue in cues:
+            time.sleep(max(0.0, start_s + cue.t_client_s - time.monotonic()))
+            client.cues(cue_message(cue, client.coordinates).poses, start_s + cue.t_client_s)
+            state = client.state()
+            if state is not None and state.state not in FOLLOWING:
+                is_following = False
+                told = [e.text for e in events.waiting() if e.severity != "info"]
+                why = "; ".join(filter(None, (state.fault, *told[-3:]))) or "it was told to"
+                raise CommandRefused(
+                    f"{client.rig} went to {state.state} {cue.t_client_s:.1f} s into the motion: {why}"
+                )
+            on_progress(cue.t_client_s)
+    except BaseException:
+        if is_following:
+            client.command("park")
+        raise
+    return client.command("park")
