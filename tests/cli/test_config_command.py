@@ -1,6 +1,7 @@
 """`hil config` tells a person, or a script, what a rig file says and what is wrong with it."""
 
 import json
+import re
 
 import pytest
 from typer.testing import CliRunner
@@ -18,6 +19,28 @@ def test_check_says_that_nothing_is_wrong():
     result = run(app, ["config", "check", "motorcycle"])
     assert result.exit_code == 0
     assert "no fault found" in result.output
+
+
+def test_a_bicycle_is_checked_and_shown_as_any_rig(tmp_path):
+    result = run(app, ["config", "check", "bicycle"])
+    assert result.exit_code == 0, result.output
+    assert "is a bicycle; no fault found" in result.output
+    shown = json.loads(run(app, ["config", "show", "bicycle", "--json"]).output)
+    assert shown["kind"] == BICYCLE
+    schema = json.loads(run(app, ["config", "schema", "bicycle"]).output)
+    assert schema["title"] == "BicycleFile"
+    path = tmp_path / "odd.toml"
+    path.write_text(
+        re.sub(r"(?m)^I2 = .*$", "I2 = [0.06, 0.2, 0.06]", find_rig_file("bicycle").read_text())
+    )
+    assert "warning" in run(app, ["config", "check", str(path)]).output
+
+
+def test_every_setting_says_what_it_means():
+    shown = run(app, ["config", "show", "axis"]).output
+    rows = [line.split("│") for line in shown.splitlines() if line.startswith("│")]
+    assert len(rows) > 50
+    assert not [key for _, key, _, meaning, _ in rows if key.strip() and not meaning.strip()]
 
 
 def test_check_answers_no_with_exit_code_one(tmp_path):

@@ -9,10 +9,10 @@ from rich.table import Table
 
 from hil.bus.schedule import require_schedule_fits
 from hil.cli.console import JsonFlag, RigArgument, complain, out, write_json
-from hil.config import RigFile
+from hil.config import BicycleFile, RigFile
 from hil.config.base import Settings
 from hil.config.sizes import odd_sizes
-from hil.configfile import find_rig_file, load_rig
+from hil.configfile import find_rig_file, load_any_rig
 from hil.drivefiles import load_profiles
 from hil.effectlines import checked
 from hil.errors import ConfigError
@@ -29,33 +29,30 @@ def check(rig: RigArgument, json: JsonFlag = False) -> None:
     """
     path = find_rig_file(rig)
     try:
-        loaded = load_rig(rig)
-        checked(loaded, rig)
-        build_rig(loaded)
-        require_schedule_fits(loaded, load_profiles(loaded))
+        loaded = checked(load_any_rig(rig), rig)
+        doubts = _bicycle(loaded) if isinstance(loaded, BicycleFile) else _driven(loaded)
     except ConfigError as error:
         if json:
             write_json({"ok": False, "faults": str(error).splitlines()})
         else:
             complain(str(error))
         raise typer.Exit(1) from error
-    warnings = [f"{path}: {sentence}" for sentence in odd_sizes(loaded)]
+    warnings = [f"{path}: {sentence}" for sentence in doubts]
     if json:
         answer = {"ok": True, "name": loaded.name, "kind": loaded.kind, "warnings": warnings}
         write_json(answer)
     else:
         for text in warnings:
             out.print(f"warning: {text}", style="yellow", soft_wrap=True)
-        out.print(
-            f"{path}: {loaded.name} is a {loaded.kind} with "
-            f"{len(loaded.actuators)} actuator{'s' if len(loaded.actuators) > 1 else ''}; no fault found"
-        )
+        count = len(loaded.actuators)
+        has = f" with {count} actuator{'s' if count > 1 else ''}" if count else ""
+        out.print(f"{path}: {loaded.name} is a {loaded.kind}{has}; no fault found")
 
 
 @app.command()
 def show(rig: RigArgument, json: JsonFlag = False) -> None:
     """Show every setting of a rig with its value, defaults filled in, and what it means."""
-    loaded = load_rig(rig)
+    loaded = load_any_rig(rig)
     if json:
         write_json(loaded.model_dump(mode="json"))
         return
@@ -73,13 +70,26 @@ def schema(
     ] = None,
 ) -> None:
     """Print the JSON schema of rig files, for editors that complete and check TOML."""
-    described = RigFile.model_json_schema()
-    if rig is not None:
-        loaded = load_rig(rig)
+    loaded = None if rig is None else load_any_rig(rig)
+    described = (RigFile if loaded is None else type(loaded)).model_json_schema()
+    if isinstance(loaded, RigFile):
         geometry = type(loaded.geometry).__name__
         described["properties"]["kind"] = {"const": loaded.kind}
         described["properties"]["geometry"] = {"$ref": f"#/$defs/{geometry}"}
     write_json(described)
+
+
+def _driven(rig: RigFile) -> list[str]:
+    """What is doubtful about the file of a rig that is driven; HilError for what is wrong."""
+    build_rig(rig)
+    require_schedule_fits(rig, load_profiles(rig))
+    return odd_sizes(rig)
+
+
+def _bicycle(rig: BicycleFile) -> list[str]:
+    from hil.rigs.bicycle import impossible_bodies
+
+    return impossible_bodies(rig)
 
 
 def _rows(model: Settings, prefix: str) -> list[tuple[str, str, str]]:

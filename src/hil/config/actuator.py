@@ -16,7 +16,7 @@ from hil.config.base import NonNegative, Positive, Settings, Share
 class Screw(Settings):
     """A lead screw on the motor's shaft."""
 
-    type: Literal["screw"] = "screw"
+    type: Literal["screw"] = Field("screw", description="of transmission")
     lead: Positive = Field(description="travel per motor turn, m")
     efficiency: Share = Field(0.9, description="share of the motor's work that reaches the output")
 
@@ -24,7 +24,7 @@ class Screw(Settings):
 class Rack(Settings):
     """A gearbox and a pinion on a rack."""
 
-    type: Literal["rack"] = "rack"
+    type: Literal["rack"] = Field("rack", description="of transmission")
     gear: Positive = Field(description="motor turns per pinion turn")
     pinion_radius: Positive = Field(description="pinion radius, m")
     efficiency: Share = Field(0.95, description="share of the motor's work that reaches the output")
@@ -33,7 +33,7 @@ class Rack(Settings):
 class Direct(Settings):
     """A motor, geared or not, that turns the load itself."""
 
-    type: Literal["direct"] = "direct"
+    type: Literal["direct"] = Field("direct", description="of transmission")
     gear: Positive = Field(1.0, description="motor turns per output turn")
     efficiency: Share = Field(1.0, description="share of the motor's work that reaches the output")
 

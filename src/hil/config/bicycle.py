@@ -157,11 +157,11 @@ class BicycleBus(Settings):
 class BicycleFile(Settings):
     """One bicycle."""
 
-    format: Literal["hil-rig/1"] = "hil-rig/1"
+    format: Literal["hil-rig/1"] = Field("hil-rig/1", description="of this file")
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")] = Field(
         description="used in Zenoh keys"
     )
-    kind: Literal["bicycle"]
+    kind: Literal["bicycle"] = Field(description="of rig")
     note: str = Field("", description="free text: sources and marks of the numbers")
     geometry: BicycleGeometry
     mass: BicycleMass
@@ -178,7 +178,9 @@ class BicycleFile(Settings):
     can: Can = Can()
     recording: Recording = Recording()
     zenoh: Zenoh = Zenoh()
-    effects: tuple[Effect, ...] = ()
+    effects: tuple[Effect, ...] = Field(
+        (), description="found on the real rig and not in the ideal model: see `hil gap apply`"
+    )
 
     @property
     def actuator_names(self) -> tuple[str, ...]:

@@ -78,11 +78,11 @@ class Zenoh(Settings):
 class RigFile(Settings):
     """One rig."""
 
-    format: Literal["hil-rig/1"] = "hil-rig/1"
+    format: Literal["hil-rig/1"] = Field("hil-rig/1", description="of this file")
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")] = Field(
         description="used in Zenoh keys"
     )
-    kind: Kind
+    kind: Kind = Field(description="of rig")
     note: str = Field("", description="free text: sources and marks of the numbers")
     geometry: Geometry
     mass: Body
@@ -103,7 +103,9 @@ class RigFile(Settings):
     safety: Safety = Safety()
     recording: Recording = Recording()
     zenoh: Zenoh = Zenoh()
-    effects: tuple[Effect, ...] = ()
+    effects: tuple[Effect, ...] = Field(
+        (), description="found on the real rig and not in the ideal model: see `hil gap apply`"
+    )
 
     @model_validator(mode="before")
     @classmethod
