@@ -42,13 +42,13 @@ def asked(monkeypatch):
 
 
 def test_runs_and_rigs_may_be_paths_and_names(folder, asked):
-    for given in (str(folder), folder, [folder, frame()]):
+    for given in (str(folder), folder, [folder, frame(scale=0.9)]):
         locate(given, "axis")
         diagnose(given, str(find_rig_file("axis")), references=None)
     for runs, rig, _ in asked:
         assert runs[0].path == folder
         assert rig == AXIS
-    diagnose(frame(), AXIS, references=str(folder))
+    diagnose(frame(scale=0.9), AXIS, references=str(folder))
     (healthy,) = asked[-1][2]["references"]
     assert healthy.path == folder
 
@@ -59,6 +59,8 @@ def test_runs_and_rigs_may_be_paths_and_names(folder, asked):
         (lambda: locate([], AXIS), RunError, "runs: holds no run"),
         (lambda: locate(3, AXIS), TypeError, "runs: is a int; give a Run"),
         (lambda: locate([frame(), None], AXIS), TypeError, "run 2: is a NoneType; give a Run"),
+        (lambda: locate([frame(), frame()], AXIS), RunError, "frame 2: is given twice"),
+        (lambda: diagnose(frame(), AXIS, references=frame()), RunError, "is its own reference"),
         (lambda: locate("nowhere", AXIS), RunError, "nowhere: no such run"),
         (lambda: locate(frame(), None), TypeError, "rig is a NoneType: give a rig"),
         (lambda: locate(frame(), "axes"), ConfigError, "axes: no such rig file"),

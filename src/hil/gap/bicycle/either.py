@@ -20,7 +20,7 @@ from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.untried import beside_untried
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
-from hil.gap.record.runs import SomeRuns, as_rig, as_runs
+from hil.gap.record.runs import SomeRuns, as_rig, as_runs, require_apart
 from hil.runs import Run
 
 
@@ -66,8 +66,8 @@ def diagnose_any(
     equal answer. IdentificationError where the data cannot carry an answer.
     """
     settings = as_rig(rig)
-    loaded = _given(runs, settings)
     healthy = [] if references is None else as_runs(references, settings)
+    loaded = _given(runs, settings, healthy)
     _check_seed(seed)
     _check_effects(without, settings)
     if isinstance(settings, BicycleFile):
@@ -81,10 +81,11 @@ def diagnose_any(
     return beside_untried(found, without)
 
 
-def _given(runs: SomeRuns, rig: AnyRig) -> list[Run]:
+def _given(runs: SomeRuns, rig: AnyRig, healthy: Sequence[Run] = ()) -> list[Run]:
     loaded = as_runs(runs, rig)
     if not loaded:
         raise RunError("runs: holds no run; give one or a list of some")
+    require_apart(loaded, healthy)
     return loaded
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -38,6 +38,17 @@ def as_runs(runs: SomeRuns, rig: AnyRig) -> list[Run]:
         for run in loaded:
             _check_time(run)
     return loaded
+
+
+def require_apart(runs: Sequence[Run], references: Sequence[Run] = ()) -> None:
+    """RunError where a record comes twice: its samples would count twice, and as a reference of itself it
+    would hide whatever is in it."""
+    every = [(run, "run") for run in runs] + [(run, "reference") for run in references]
+    for k, (run, role) in enumerate(every):
+        for other, its in every[:k]:
+            if run.table.equals(other.table):
+                what = "is given twice" if role == its else "is its own reference"
+                raise RunError(f"{run.path}: {what}: it holds the same samples as {other.path}")
 
 
 def as_rig(rig: AnyRig | str | Path) -> AnyRig:
