@@ -11,7 +11,6 @@ the digit, speeds come from its own sensor.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +23,7 @@ from scipy.optimize import OptimizeWarning, curve_fit
 
 from hil.errors import IdentificationError, RunError
 from hil.rigs.bicycle import Canonical
+from hil.runs.jsonfile import read_json
 
 Array = NDArray[np.float64]
 
@@ -89,8 +89,8 @@ def _at(speeds: Array, table: Array, speed: float) -> Array:
 
 def read_windows(path: Path) -> list[Window]:
     """From JSON: a list of {file, speed_mps, start, stop, p0, set}; RunError where it is none."""
+    rows = read_json(path)
     try:
-        rows = json.loads(path.read_text(encoding="utf-8"))
         return [
             Window(
                 str(r["file"]), float(r["speed_mps"]), int(r["start"]), int(r["stop"]),
@@ -98,8 +98,6 @@ def read_windows(path: Path) -> list[Window]:
             )
             for r in rows
         ]  # fmt: skip
-    except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
         raise RunError(f"{path}: is no list of windows: {error!r}") from error
 

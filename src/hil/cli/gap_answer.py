@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import msgspec
 
 from hil.errors import RunError
 from hil.gap.apply import FORMAT
+from hil.runs.jsonfile import read_json
 
 
 class _Parameter(msgspec.Struct):
@@ -48,12 +48,7 @@ def read_answer_file(path: Path) -> dict[str, Any]:
 
     RunError where it cannot be read, or is no answer.
     """
-    try:
-        tables = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise RunError(f"{path}: is no JSON: {error}") from error
+    tables: Any = read_json(path)
     if not isinstance(tables, dict) or tables.get("format") != FORMAT:
         raise RunError(f"{path}: is no diagnosis: its format is not {FORMAT}")
     try:

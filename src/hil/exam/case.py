@@ -23,6 +23,7 @@ from hil.errors import ConfigError, RunError
 from hil.exam.world import Outside
 from hil.runs import Run, load_run
 from hil.runs.folder import RUN_TOML, Payload, RunMeta, read_meta, run_mode, write_meta
+from hil.runs.jsonfile import read_json
 
 ANSWER: Final = "answer.json"
 RIG: Final = "rig.toml"
@@ -101,12 +102,7 @@ def seals_of(folder: Path) -> set[str]:
 
 def read_answer(path: Path) -> dict[str, Any]:
     """An answer file; RunError where it is none."""
-    try:
-        answer = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise RunError(f"{path}: is no JSON: {error}") from error
+    answer = read_json(path)
     if not isinstance(answer, dict) or "verdict" not in answer:
         raise RunError(f'{path}: is no answer: it needs "verdict" and "effects"')
     return answer
