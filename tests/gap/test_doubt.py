@@ -14,6 +14,7 @@ from hil.gap.diagnose import consider
 from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import usually_explained
 from hil.gap.judged import constancy
+from hil.gap.judged.looped import is_spring
 from hil.gap.judged.verdict import _is_unseen, _is_usual
 from hil.gap.record.leaf import Leaf
 from hil.sim import Twin
@@ -48,15 +49,17 @@ def test_a_slow_drag_below_the_noise_is_a_gap_where_it_towers_above_its_band(tim
     assert verdict == "unknown" or found.sentence.startswith("No gap")
 
 
-@pytest.mark.parametrize(("displacement", "is_spring"), [(0.002, False), (0.05, True)])
-def test_a_hysteresis_that_gives_way_over_much_of_the_travel_is_a_spring(displacement, is_spring):
+@pytest.mark.parametrize(("over_m", "spring"), [(0.002, False), (0.04, False), (0.3, True)])
+def test_a_hysteresis_that_follows_the_place_alone_is_a_spring(over_m, spring):
     names = ("axis.hysteresis.force", "axis.hysteresis.displacement")
     leaf = Leaf("hysteresis", "axis", names, (), None)
-    part = slice(0, 3)
-    series = [SimpleNamespace(actuator="axis", quantity="position", part=part)]
-    problem = SimpleNamespace(measured=np.array([-0.1, 0.0, 0.1]), series=series)
-    fit = SimpleNamespace(names=names, values=np.array([40.0, displacement]))
-    assert module._never_slides(SimpleNamespace(problem=problem), fit, leaf) is is_spring
+    t_s = np.arange(0.0, 20.0, 0.01)
+    way_m = 0.06 * np.sin(2.0 * np.pi * 0.17 * t_s) + 0.03 * np.sin(2.0 * np.pi * 0.71 * t_s)
+    problem = SimpleNamespace(motion=lambda vector: [{"axis.position": way_m}])
+    fit = SimpleNamespace(names=names, values=np.array([40.0, over_m]), vector=None)
+    assert is_spring(SimpleNamespace(problem=problem), fit, leaf) is spring
+    problem = SimpleNamespace(motion=lambda vector: [{"axis.position": np.zeros(9)}])
+    assert is_spring(SimpleNamespace(problem=problem), fit, leaf)
 
 
 @pytest.mark.parametrize(("power", "verdict"), [(1, "identified"), (2, "unknown")])

@@ -21,6 +21,7 @@ from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import RARE, explained, largest_ratio, usually_explained
 from hil.gap.judged.clear import EXPLAINED, asked, other_than_steps
 from hil.gap.judged.constancy import Variation, variation
+from hil.gap.judged.looped import is_spring
 from hil.gap.record.leaf import Leaf
 
 SOFT: Final = 0.06
@@ -59,8 +60,6 @@ cases of three worlds]."""
 LEAVES: Final = (1.5, 2.2)
 AT_BOUND: Final = 0.8
 """Chance of an effect all of whose parameters want more than any rig has."""
-SLIDES: Final = 0.2
-"""Of a rig's travel, over which a hysteresis has given way at most: millimetres as a rule."""
 WAVE_EXPLAINED: Final = 0.75
 """Share that a wave must explain, half of the time, however much goes off unseen data: a saw's first harmonic
 takes three fifths of it, waves of five worlds 0.96 and more."""
@@ -119,7 +118,7 @@ def doubt(
         least = WAVE_HOLDS if all(leaf.effect in WAVES for leaf in others) else HARMLESS
         holds = float(np.interp(told.share, OFTEN if struck else WELL, (HOLDS, least)))
         other = max(other, chance(part.shrink, holds))
-    if any(_never_slides(c, f, leaf) for leaf in others if leaf.effect == "hysteresis"):
+    if any(is_spring(c, f, leaf) for leaf in others if leaf.effect == "hysteresis"):
         other = max(other, AT_BOUND)
     waves = [x for x in others if x.effect in WAVES and f"{x.name}.period" in f.names]
     if any(_never_turns(c, f, leaf) for leaf in waves):
@@ -147,14 +146,6 @@ def _never_turns(c: Calibrated, f: Fit, leaf: Leaf) -> bool:
     """Whether the rig nowhere travels a whole period of a wave: whatever bends once with place looks like
     one."""
     return _travel(c, leaf) < float(f.values[f.names.index(f"{leaf.name}.period")])
-
-
-def _never_slides(c: Calibrated, f: Fit, leaf: Leaf) -> bool:
-    """Whether a hysteresis gives way over much of all that the rig travels: that is a spring."""
-    displacement = f"{leaf.name}.displacement"
-    if displacement not in f.names:
-        return False
-    return SLIDES * _travel(c, leaf) < float(f.values[f.names.index(displacement)])
 
 
 def _travel(c: Calibrated, leaf: Leaf) -> float:
