@@ -23,6 +23,7 @@ _PAGE: Final = Template("""<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>$title</title>
 <style>
+html { overflow-y: scroll; } /* a scrollbar that came later would make figures too wide for their place */
 body { color-scheme: light; margin: 0; background: #f1f5f9; color: #0f172a;
        font: 15px/1.5 Inter, system-ui, -apple-system, "Segoe UI", sans-serif; }
 main { max-width: 1320px; margin: 0 auto; padding: 28px 24px 60px; }
