@@ -211,3 +211,9 @@ def test_units_in_the_help_are_written_as_units(kind):
     told = [o.annotation.__metadata__[0].help for o in options_of(PLANS[kind])]
     assert all(len(text.split()) > 1 for text in told), "a unit alone says of nothing what it is"
     assert not [text for text in told if re.search(r"\bhz\b|^S\b", text)]
+
+
+def test_excursion_limits_have_their_units():
+    result = run(app, ["identify", "agard", "--rig", "axis"], catch_exceptions=False)
+    assert "±0.22 m," in result.output
+    assert "m/s, 10 m/s²" in result.output
