@@ -32,7 +32,7 @@ h2 { font-size: 16px; margin: 0 0 10px; }
 p.sub { margin: 0 0 18px; color: #64748b; }
 p.note { margin: -6px 0 10px; color: #64748b; font-size: 13.5px; }
 section { background: #fff; border: 1px solid #e2e8f0; border-radius: 10px;
-          padding: 18px 20px; margin-bottom: 18px; }
+          padding: 18px 20px; margin-bottom: 18px; overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th { text-align: left; font-weight: 600; color: #475569; }
 th, td { padding: 4px 28px 4px 0; }
