@@ -112,6 +112,17 @@ def test_a_biased_steer_encoder_is_what_closes_the_path(round_trip):
     assert found.closing_gap < 2.0
 
 
+def test_a_bicycle_that_stood_has_no_bias_that_closes_its_path(round_trip):
+    def stand(table):
+        for signal, angle in (("lean", 0.01), ("rear_wheel", 0.0), ("steer", 0.01)):
+            table[signal] = table[signal].where(table[signal].isna(), angle)
+        return table.drop(columns=[c for c in table if c.startswith("imu.")])
+
+    found = analyse(ride_of(round_trip, stand)).drift
+    assert np.hypot(*found.end) < 1e-3
+    assert found.closing_steer is None
+
+
 def test_numbers_are_json(analysis):
     numbers = analysis.numbers()
     assert json.loads(json.dumps(numbers))["samples"] == len(analysis.motion.q)

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 FINER: Final = 10
 STEER_STEP: Final = 2.0 * np.pi / 2400.0
 DEGREE: Final = np.pi / 180.0
+NEAR_M: Final = 0.01
+"""An end so near the start leaves nothing to close: a bicycle that stood has it with any bias."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +100,8 @@ def find_drift(
 
 def _closing(end: Callable[[float], Array], there: Array, one: Array) -> tuple[float | None, float]:
     """Gauss-Newton on the steer bias alone; two numbers cannot both be closed by one, hence the gap left."""
+    if np.hypot(*there) < NEAR_M:
+        return None, float(np.hypot(*there))
     bias, at, slope = 0.0, there, one / STEER_STEP
     for _ in range(6):
         size = float(slope @ slope)
