@@ -1,16 +1,21 @@
 """A rig that turns its load is shown in angles: rad and degrees, nowhere m and mm."""
 
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 
+from hil.configfile import load_rig
 from hil.identify.frequency.acceleration import acceleration
 from hil.identify.frequency.agard import excursions
 from hil.identify.frequency.channels import channel
+from hil.messages import ActuatorState, StateMessage
 from hil.rigs import build_rig
 from hil.runs import Run, RunMeta
+from hil.ui.live import LiveView
 from hil.ui.report_data import view
 from hil.ui.workspace import range_rows, ranges_figure, survey
 from tests.sim.rigs import changed, pendulum
@@ -58,3 +63,25 @@ def test_an_axis_feels_its_acceleration_along_the_line_that_it_moves_on(run):
     felt = acceleration(run, rig, "position")
     assert (felt.order, felt.unit) == (0, "m/s²")
     assert felt.channel.value == pytest.approx(run.table["imu.accel_z"].to_numpy())
+
+
+@pytest.mark.parametrize(
+    ("rig", "length", "force"), [(RIG, "rad", "N·m"), (load_rig("axis"), "m", "N")]
+)
+def test_the_live_view_says_in_which_units_it_counts(rig, length, force):
+    shown = LiveView(rig)
+    axis = {"axis": ActuatorState(0.1, 0.2, 3.0, 0.001)}
+    shown.add_state(
+        StateMessage(1.0, "engaged", {"position": 0.1}, {"position": 0.1}, axis, 2e-3, "")
+    )
+    assert f"position +0.100 {length}, error 2.00 m{length}," in shown.line()
+    console = Console(width=120, record=True, file=StringIO())
+    console.print(shown.render())
+    text = console.export_text()
+    for said in (
+        f"position, {length} ",
+        f"velocity, {length}/s",
+        f"force, {force} ",
+        f"2.00 m{length} ",
+    ):
+        assert said in text
