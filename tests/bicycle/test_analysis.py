@@ -9,11 +9,12 @@ from hil.bicycle.analysis import analyse
 from hil.bicycle.drift import STEER_STEP
 from hil.bicycle.recorded import prepare
 from hil.bicycle.simulated import simulate_ride
+from hil.config import Effect
 from hil.configfile import load_bicycle
 from hil.runs import load_run
 from hil.runs.importing.importer import import_run
 from hil.runs.importing.mapfile import find_map
-from tests.bicycle.rides import ride_of
+from tests.bicycle.rides import ride_of, run_of
 from tests.shared_data import shared
 
 
@@ -88,6 +89,18 @@ def test_drift_is_told_by_its_causes(analysis):
     assert 0.05 < np.hypot(*drift.lean_degree) < np.hypot(*drift.steer_step)
 
 
+def test_what_moves_the_end_of_a_path_is_no_less_true_of_a_bicycle_whose_fork_gives(
+    analysis, round_trip
+):
+    fork = {"effect": "front_suspension", "location": "bicycle"}
+    stiff = Effect(**fork, parameters={"stiffness": 9000.0, "damping": 400.0})
+    forked = round_trip.rig.model_copy(update={"effects": (stiff,)})
+    found = analyse(prepare(run_of(round_trip), forked)).drift
+    assert np.hypot(*(found.end - analysis.drift.end)) > 0.02, "the path itself is another"
+    for name in ("steer_step", "lean_degree", "radius_percent"):
+        assert getattr(found, name) == pytest.approx(getattr(analysis.drift, name), rel=1e-6), name
+
+
 def test_a_biased_steer_encoder_is_what_closes_the_path(round_trip):
     def bias(table):
         table["steer"] += 3.0 * STEER_STEP
@@ -97,6 +110,17 @@ def test_a_biased_steer_encoder_is_what_closes_the_path(round_trip):
     assert np.hypot(*found.end) > 5.0
     assert found.closing_steer == pytest.approx(-3.0 * STEER_STEP, rel=0.25)
     assert found.closing_gap < 2.0
+
+
+def test_a_bicycle_that_stood_has_no_bias_that_closes_its_path(round_trip):
+    def stand(table):
+        for signal, angle in (("lean", 0.01), ("rear_wheel", 0.0), ("steer", 0.01)):
+            table[signal] = table[signal].where(table[signal].isna(), angle)
+        return table.drop(columns=[c for c in table if c.startswith("imu.")])
+
+    found = analyse(ride_of(round_trip, stand)).drift
+    assert np.hypot(*found.end) < 1e-3
+    assert found.closing_steer is None
 
 
 def test_numbers_are_json(analysis):

@@ -1,12 +1,16 @@
 """What is wrong with a recorded ride is found and named: channels, signs, units, ranges, clocks."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from hil.bicycle.analysis import analyse
 from hil.bicycle.checks import check_ride
+from hil.cli.bicycle import show
 from hil.errors import RunError
+from hil.ui.bicycle import ride_page
 from tests.bicycle.rides import ride_of
 
 
@@ -178,6 +182,33 @@ def test_a_gyroscope_in_degrees_a_second_and_an_accelerometer_in_g(weaving):
     assert "are these degrees per second?" in faults(weaving, changed(**gyro))
     accel = {f"imu.accel_{a}": 1.0 / 9.81 for a in "xyz"}
     assert "feels 1.00 at rest" in faults(weaving, changed(**accel))
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda t: t.assign(**{"imu.accel_z": t["imu.accel_z"] - 9.81}),
+        changed(**{f"imu.accel_{x}": 1e3 / 9.81 for x in "xyz"}),
+    ],
+    ids=["gravity taken off", "thousandths of g"],
+)
+def test_an_accelerometer_that_does_not_feel_gravity(weaving, spoil):
+    assert "or is gravity taken off?" in faults(weaving, spoil)
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.5 / np.pi], ids=["stuck", "turns for radians"])
+def test_a_wheel_that_hardly_turns_is_told_and_no_number_stands_for_what_it_lacks(
+    weaving, tmp_path, capsys, factor
+):
+    found = analyse(ride_of(weaving, changed(rear_wheel=factor)))
+    assert [(f.check, f.subject) for f in found.findings] == [("rest", "rear_wheel")]
+    assert "its angle is not in rad, or its encoder is stuck" in found.findings[0].text
+    show(found)
+    assert "nan" not in capsys.readouterr().out
+    page = ride_page(found, tmp_path / "ride.html").read_text(encoding="utf-8")
+    shown = re.sub("<script.*?</script>", "", page, flags=re.DOTALL)
+    assert "rolls at no more than" in shown
+    assert not re.search(r"\bnan\b", shown)
 
 
 @pytest.mark.parametrize(

@@ -109,6 +109,54 @@ def test_windows_and_logs_that_cannot_be_read_are_named(tmp_path):
         fit_impulses(windows, tmp_path)
 
 
+def test_a_window_that_holds_no_weave_is_refused_whatever_is_in_it(tmp_path):
+    t = 0.01 * np.arange(60)
+    wave = np.exp(-2.0 * t) * np.cos(8.0 * t)
+    rows = [f"{rate:.6f},3.0" for rate in wave]
+    (tmp_path / "good.csv").write_text("\n".join(["lean_rate,speed", *rows]))
+    (tmp_path / "hole.csv").write_text(
+        "\n".join(["lean_rate,speed", *rows[:30], ",3.0", *rows[31:]])
+    )
+    (tmp_path / "text.csv").write_text(
+        "\n".join(["lean_rate,speed", *rows[:30], "x,3.0", *rows[31:]])
+    )
+    guess = (-2.0, 8.0, 0.0, 1.0, 1.0)
+
+    def fit(file, stop=60, guess=guess):
+        return fit_impulses([Window(file, 3.0, 0, stop, guess, "")], tmp_path)
+
+    assert fit("good.csv")[0].weave == pytest.approx(-2.0 + 8.0j, abs=1e-3)
+    with pytest.raises(IdentificationError, match=r"good.csv: rows 0 to 5: .* 5 of 5 rows"):
+        fit("good.csv", stop=5)
+    with pytest.raises(IdentificationError, match=r"hole.csv: rows 0 to 60: .* 59 of 60 rows"):
+        fit("hole.csv")
+    with pytest.raises(RunError, match=r"text.csv: column lean_rate or speed: could not convert"):
+        fit("text.csv")
+    with (
+        pytest.raises(IdentificationError, match="no damped oscillation"),
+        np.errstate(all="ignore"),
+    ):
+        fit("good.csv", guess=(500.0, 8.0, 0.0, 1.0, 1.0))
+
+
+def test_a_guess_has_five_numbers(tmp_path):
+    window = {"file": "a.csv", "speed_mps": 3, "start": 0, "stop": 50, "p0": [-2, 8]}
+    (tmp_path / "w.json").write_text(json.dumps([window]))
+    with pytest.raises(RunError, match="p0 must be 5 numbers"):
+        read_windows(tmp_path / "w.json")
+
+
+def test_gains_of_a_second_law_that_are_none_are_named(tmp_path):
+    path = tmp_path / "law.npz"
+    path.write_bytes(b"")
+    with pytest.raises(RunError, match="holds no gains over speed"):
+        read_matching(path)
+    law = {"speeds_mps": np.arange(3.0), "mm_gains/F": np.zeros((4, 2, 4))}
+    np.savez(path, **law, **{"mm_gains/G": np.zeros((3, 2, 2))})
+    with pytest.raises(RunError, match=r"mm_gains/F is \(4, 2, 4\), not \(3, 2, 4\)"):
+        read_matching(path)
+
+
 @pytest.mark.shared
 def test_the_measured_bicycle_against_its_authors_table():
     """107 impulses. Their own mean distance is 0.718 (OFF) and 0.963 (ON); friction, parameters, speed, motor

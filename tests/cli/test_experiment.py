@@ -1,16 +1,19 @@
 """`hil experiment` designs, shows, writes and plays; `hil rig workspace` says where a rig can go."""
 
 import json
+import re
 
 import pytest
 from typer.testing import CliRunner
 
 from hil.cli.app import app
 from hil.cli.experiment import unit_of
+from hil.cli.plan_options import options_of
 from hil.configfile import load_rig
 from hil.errors import ConfigError, RigNotReached
 from hil.identify.experiments import experiment_of
 from hil.identify.experiments.limits import Use
+from hil.identify.experiments.plans import PLANS
 from hil.runs import load_run
 from hil.runs.folder import Payload
 
@@ -201,3 +204,16 @@ def test_an_experiment_is_played_again_with_the_payload_that_it_asks_for(tmp_pat
     (folder,) = (tmp_path / "runs").iterdir()
     assert load_run(folder).meta.payload == Payload(mass=20.0)
     assert "platform.payload_mass.mass=20.0" in experiment_of(folder).played.effects
+
+
+@pytest.mark.parametrize("kind", PLANS)
+def test_units_in_the_help_are_written_as_units(kind):
+    told = [o.annotation.__metadata__[0].help for o in options_of(PLANS[kind])]
+    assert all(len(text.split()) > 1 for text in told), "a unit alone says of nothing what it is"
+    assert not [text for text in told if re.search(r"\bhz\b|^S\b", text)]
+
+
+def test_excursion_limits_have_their_units():
+    result = run(app, ["identify", "agard", "--rig", "axis"], catch_exceptions=False)
+    assert "±0.22 m," in result.output
+    assert "m/s, 10 m/s²" in result.output

@@ -78,4 +78,7 @@ def test_the_command_writes_figures_and_page(tmp_path):
     assert sum(shown["shares"].values()) == pytest.approx(1.0)
     assert result.exit_code == (1 if shown["overruns"] else 0)
     assert "https://" not in page.read_text().split("<script", 1)[0]
+    assert "wakes every 10 ms" in page.read_text().split("</script>", 1)[1], (
+        "above the picture, as text"
+    )
     assert "a whole cycle" in page.read_text()

@@ -91,6 +91,11 @@ class Analysis:
     findings: tuple[Finding, ...]
 
     @property
+    def rolls(self) -> NDArray[np.bool_]:
+        """(N,) where the bicycle rolls: friction demand and what is left of torques count there."""
+        return np.asarray(self.motion.speed > ROLLING)
+
+    @property
     def reduced_torque(self) -> Array:
         """(N,) drive torque as the reduced inertia says, with drag, N m."""
         rig = self.ride.rig
@@ -100,7 +105,7 @@ class Analysis:
     def numbers(self) -> dict[str, Any]:
         """For people and scripts; SI units, angles in rad."""
         m, rig = self.motion, self.ride.rig
-        rolls = m.speed > ROLLING
+        rolls = self.rolls
         demand = np.where(rolls[:, None], m.friction_demand, np.nan)
         both = _rms(m.drive_torque[rolls]) if rolls.any() else float("nan")
         off = _rms((m.drive_torque - self.reduced_torque)[rolls]) if rolls.any() else float("nan")
@@ -176,7 +181,7 @@ def analyse(recorded: Ride) -> Analysis:
         soft = low_pass(pair, recorded.dt_s, how.cutoff, how.order)
         filtered[signal] = (soft[:, 0], soft[:, 1])
         compared.append(_compared(signal, True, soft[:, 0], soft[:, 1], floor.filtered[signal]))
-    findings += _lifts(motion)
+    findings += _lifts(motion) + _stands(motion)
     drift = find_drift(bicycle, angles, recorded.dt_s, how.cutoff, how.order, motion)
     return Analysis(
         recorded, bicycle, told, motion, effects.lean_torque(rig, motion),
@@ -209,6 +214,18 @@ def _lifts(motion: Motion) -> list[Finding]:
             )
             out.append(Finding("lift", wheel, "warning", text))
     return out
+
+
+def _stands(motion: Motion) -> list[Finding]:
+    fastest = float(motion.speed.max())
+    if fastest > ROLLING:
+        return []
+    text = (
+        f"rolls at no more than {fastest:.2f} m/s, and below {ROLLING:g} m/s neither friction demand nor "
+        "what is left of torques counts; if the bicycle was ridden, its angle is not in rad, or its encoder "
+        "is stuck"
+    )
+    return [Finding("rest", "rear_wheel", "warning", text)]
 
 
 def _range(values: Array) -> dict[str, float]:

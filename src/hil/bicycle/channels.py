@@ -29,6 +29,9 @@ DEGREES: Final = (30.0, 100.0)
 FLIPPED: Final = (0.6, 1.6)
 """Times what is wanted, between which what goes against it is an axis that points the other way: what a
 bracket that bends turns of gravity may go against a push as well, and is no wrong sign."""
+GRAVITY: Final = (0.4, 2.5)
+"""Times gravity, between which an accelerometer in m/s² is on average, whatever its scale: a ride ends as it
+began."""
 RADIUS: Final = 0.15
 """By which what turns ask of the wheel may miss its radius for the wheel's column to be metres."""
 AGREES: Final = 0.8
@@ -154,8 +157,14 @@ def _gravity(ride: Ride, seen: dict[str, Array]) -> list[Finding]:
     if 0.7 < size < 1.4:
         text = f"feels {size:.2f} at rest where it should feel {g:.2f} m/s²: are these g?"
         return [Finding("unit", "imu.accel", "fault", text)]
+    if not GRAVITY[0] * g < size < GRAVITY[1] * g:
+        text = (
+            f"feels {size:.3g} m/s² on average, where gravity alone is {g:.2f}: is it in another unit, or is "
+            "gravity taken off?"
+        )
+        return [Finding("unit", "imu.accel", "fault", text)]
     largest = int(np.argmax(np.abs(mean)))
-    if size < 0.5 * g or abs(mean[largest]) < 0.8 * size:
+    if abs(mean[largest]) < 0.8 * size:
         return []
     if largest != 2:
         text = (

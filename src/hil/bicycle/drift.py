@@ -7,6 +7,7 @@ one step of the steer encoder, a degree of lean and a percent of wheel radius mo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 FINER: Final = 10
 STEER_STEP: Final = 2.0 * np.pi / 2400.0
 DEGREE: Final = np.pi / 180.0
+NEAR_M: Final = 0.01
+"""An end so near the start leaves nothing to close: a bicycle that stood has it with any bias."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,37 +65,43 @@ class Drift:
 def find_drift(
     bicycle: Packed, angles: Array, dt_s: float, cutoff_hz: float, order: int, motion: Motion
 ) -> Drift:
-    """Split the drift of the ride of `angles` (N, 3), whose motion is known already."""
+    """Split the drift of the ride of `angles` (N, 3), whose motion is known already.
 
-    def end(steer: float = 0.0, lean: float = 0.0, radius: float = 1.0) -> Array:
+    What moves the end is computed of rigid rides against a rigid one: `motion` may have a fork that gives.
+    """
+    told = smooth(angles, dt_s, cutoff_hz, order)
+    rigid = ride(bicycle, told).q[-1, :2]
+
+    def moved(steer: float = 0.0, lean: float = 0.0, radius: float = 1.0) -> Array:
         told = smooth(angles + np.array([lean, 0.0, steer]), dt_s, cutoff_hz, order)
-        return ride(bicycle.scaled(radius, radius), told).q[-1, :2]
+        return np.asarray(ride(bicycle.scaled(radius, radius), told).q[-1, :2] - rigid)
 
     there = motion.q[-1, :2]
     t = dt_s * np.arange(len(angles))
     fine = dt_s / FINER * np.arange((len(angles) - 1) * FINER + 1)
-    told = smooth(angles, dt_s, cutoff_hz, order)
     spline = CubicSpline(t, told.angle)
     finer = Smooth(dt_s / FINER, spline(fine), spline(fine, 1), spline(fine, 2))
     coarse_of_same = ride(bicycle, Smooth(dt_s, told.angle, spline(t, 1), spline(t, 2)))
     integration = coarse_of_same.q[-1, :2] - ride(bicycle, finer).q[-1, :2]
-    one = end(steer=STEER_STEP) - there
-    closing, gap = _closing(end, there, one)
+    one = moved(steer=STEER_STEP)
+    closing, gap = _closing(lambda bias: there + moved(steer=bias), there, one)
     heading = float(np.arctan2(np.sin(motion.q[-1, 2]), np.cos(motion.q[-1, 2])))
     return Drift(
         there - motion.q[0, :2],
         heading,
         integration,
         one,
-        end(lean=DEGREE) - there,
-        end(radius=1.01) - there,
+        moved(lean=DEGREE),
+        moved(radius=1.01),
         closing,
         gap,
     )
 
 
-def _closing(end: Any, there: Array, one: Array) -> tuple[float | None, float]:
+def _closing(end: Callable[[float], Array], there: Array, one: Array) -> tuple[float | None, float]:
     """Gauss-Newton on the steer bias alone; two numbers cannot both be closed by one, hence the gap left."""
+    if np.hypot(*there) < NEAR_M:
+        return None, float(np.hypot(*there))
     bias, at, slope = 0.0, there, one / STEER_STEP
     for _ in range(6):
         size = float(slope @ slope)
@@ -101,8 +110,8 @@ def _closing(end: Any, there: Array, one: Array) -> tuple[float | None, float]:
         step = -float(slope @ at) / size
         step = float(np.clip(step, -10.0 * STEER_STEP, 10.0 * STEER_STEP))
         bias += step
-        at = end(steer=bias)
-        slope = (end(steer=bias + 0.1 * STEER_STEP) - at) / (0.1 * STEER_STEP)
+        at = end(bias)
+        slope = (end(bias + 0.1 * STEER_STEP) - at) / (0.1 * STEER_STEP)
         if abs(step) < 0.01 * STEER_STEP:
             break
     gap = float(np.hypot(*at))

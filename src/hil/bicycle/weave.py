@@ -33,6 +33,9 @@ NEEDED_R2: Final = 0.9
 """Share of the variance that it must explain to be a weave at all."""
 RIDDEN_M_S: Final = 1.0
 """Above which a logged speed counts as ridden."""
+GUESSED: Final = 5
+"""Numbers of a damped oscillation: as many as a guess has, and fewer than a window has rows."""
+LOGGED: Final = ("lean_rate", "speed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +94,7 @@ def read_windows(path: Path) -> list[Window]:
     """From JSON: a list of {file, speed_mps, start, stop, p0, set}; RunError where it is none."""
     rows = read_json(path)
     try:
-        return [
+        windows = [
             Window(
                 str(r["file"]), float(r["speed_mps"]), int(r["start"]), int(r["stop"]),
                 tuple(float(x) for x in r["p0"]), str(r.get("set", "")),
@@ -100,6 +103,13 @@ def read_windows(path: Path) -> list[Window]:
         ]  # fmt: skip
     except (ValueError, KeyError, TypeError) as error:
         raise RunError(f"{path}: is no list of windows: {error!r}") from error
+    for w in windows:
+        if len(w.guess) != GUESSED or not np.all(np.isfinite((*w.guess, w.speed))):
+            raise RunError(
+                f"{path}: window {w.start} to {w.stop} of {w.file}: p0 must be {GUESSED} numbers and "
+                "speed_mps one"
+            )
+    return windows
 
 
 def read_matching(path: Path) -> dict[str, Array]:
@@ -107,9 +117,15 @@ def read_matching(path: Path) -> dict[str, Array]:
     try:
         found = np.load(path)
         keys = (("speeds", "speeds_mps"), ("F", "mm_gains/F"), ("G", "mm_gains/G"))
-        return {k: np.asarray(found[name]) for k, name in keys}
-    except (OSError, ValueError, KeyError) as error:
+        law = {k: np.asarray(found[name], dtype=np.float64) for k, name in keys}
+    except (OSError, EOFError, ValueError, KeyError, IndexError) as error:
         raise RunError(f"{path}: holds no gains over speed: {error}") from error
+    count = len(np.atleast_1d(law["speeds"]))
+    wanted = {"speeds": (count,), "F": (count, 2, 4), "G": (count, 2, 2)}
+    for (k, shape), (_, name) in zip(wanted.items(), keys, strict=True):
+        if law[k].shape != shape:
+            raise RunError(f"{path}: {name} is {law[k].shape}, not {shape}")
+    return law
 
 
 def fit_impulses(windows: Sequence[Window], logs: Path, rate_hz: float = 100.0) -> list[Impulse]:
@@ -127,13 +143,16 @@ def fit_impulses(windows: Sequence[Window], logs: Path, rate_hz: float = 100.0) 
             raise RunError(
                 f"{logs / w.file}: has {len(table)} rows, a window asks for {w.start} to {w.stop}"
             )
-        rate = table["lean_rate"].to_numpy(dtype=float)[w.start : w.stop]
-        weave, r2 = fit_weave(rate, 1.0 / rate_hz, w.guess)
-        if r2 < NEEDED_R2:
+        rate = table["lean_rate"].to_numpy()[w.start : w.stop]
+        try:
+            weave, r2 = fit_weave(rate, 1.0 / rate_hz, w.guess)
+        except IdentificationError as error:
+            raise IdentificationError(f"{w.file}: rows {w.start} to {w.stop}: {error}") from error
+        if not r2 >= NEEDED_R2:
             raise IdentificationError(
                 f"{w.file}: rows {w.start} to {w.stop} are no damped oscillation (R² {r2:.2f})"
             )
-        speed = table["speed"].to_numpy(dtype=float)
+        speed = table["speed"].to_numpy()
         ridden = speed[speed > RIDDEN_M_S]
         logged = float(np.median(ridden)) if ridden.size else float("nan")
         out.append(Impulse(w, weave, r2, logged))
@@ -143,12 +162,15 @@ def fit_impulses(windows: Sequence[Window], logs: Path, rate_hz: float = 100.0) 
 def _log(path: Path) -> pd.DataFrame:
     try:
         table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
+    except (OSError, EOFError, ValueError) as error:
         raise RunError(f"{path}: cannot be read: {error}") from error
-    missing = [c for c in ("lean_rate", "speed") if c not in table]
+    missing = [c for c in LOGGED if c not in table]
     if missing:
         raise RunError(f"{path}: has no column {', '.join(missing)}")
-    return table
+    try:
+        return table[list(LOGGED)].astype(float)
+    except ValueError as error:
+        raise RunError(f"{path}: column {' or '.join(LOGGED)}: {error}") from error
 
 
 def fit_weave(rate: Array, dt_s: float, guess: Sequence[float]) -> tuple[complex, float]:
@@ -156,6 +178,11 @@ def fit_weave(rate: Array, dt_s: float, guess: Sequence[float]) -> tuple[complex
 
     IdentificationError where no fit is found.
     """
+    if len(rate) <= GUESSED or not np.all(np.isfinite(rate)):
+        raise IdentificationError(
+            f"no damped oscillation fits: {np.isfinite(rate).sum()} of {len(rate)} rows are numbers, more "
+            f"than {GUESSED} are needed and none may be missing"
+        )
     t = np.asarray(dt_s * np.arange(len(rate)), dtype=np.float64)
 
     def wave(t: Array, s: float, o: float, c: float, a: float, b: float) -> Array:

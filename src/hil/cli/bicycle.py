@@ -197,13 +197,17 @@ def show(a: Analysis) -> None:
         f"{drift['end_distance_m']:.2f} m from where it began",
         f"of that integration {1e3 * drift['integration_m']:.2g} mm; 0.15° of steer bias would be "
         f"{drift['steer_bias_one_step_m']:.2f} m, 1° of lean {drift['lean_bias_one_degree_m']:.2f} m",
-        f"steer torque {_span(n['steer_torque'])} N·m, drive torque {_span(n['drive_torque'])} N·m "
-        f"(off the reduced inertia's by {n['drive_torque_off_reduced_inertia_rms']:.2f} rms)",
+        f"steer torque {_span(n['steer_torque'])} N·m, drive torque {_span(n['drive_torque'])} N·m",
         f"normal force front {_span(n['normal_front'])} N, rear {_span(n['normal_rear'])} N",
-        f"friction demand front {front['peak']:.2f} at {front['t_s']:.1f} s, rear {rear['peak']:.2f} at "
-        f"{rear['t_s']:.1f} s; lean torque left {n['lean_torque_rms']:.1f} N·m rms, of which noise alone "
-        f"makes {n['lean_torque_noise_rms']:.1f}",
     ]
+    if a.rolls.any():
+        lines += [
+            "drive torque off the reduced inertia's by "
+            f"{n['drive_torque_off_reduced_inertia_rms']:.2f} N·m rms",
+            f"friction demand front {front['peak']:.2f} at {front['t_s']:.1f} s, rear {rear['peak']:.2f} at "
+            f"{rear['t_s']:.1f} s; lean torque left {n['lean_torque_rms']:.1f} N·m rms, of which noise alone "
+            f"makes {n['lean_torque_noise_rms']:.1f}",
+        ]
     for line in lines:
         out.print(line, soft_wrap=True)
     if not a.compared:

@@ -71,7 +71,7 @@ def watch(
 ) -> None:
     """Watch a running rig: state, pose, actuators, tracking error, slots, lateness, events."""
     settings = load_rig(rig)
-    view = LiveView(settings.name, settings.coordinates, settings.limits)
+    view = LiveView(settings)
     with RigClient(settings.name, endpoint) as client:
         states, events = client.states(), client.events()
         first_s: float | None = None

@@ -157,7 +157,7 @@ class Cast:
         """Arm, ride, park, disarm; Ctrl-C goes straight to parking."""
         with self._client() as client:
             self._until_heard(client)
-            view = LiveView(self._rig.name, self._rig.coordinates, self._rig.limits)
+            view = LiveView(self._rig)
             states, events = client.states(), client.events()
             with _shown(view) as show:
                 rider = None

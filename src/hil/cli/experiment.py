@@ -16,7 +16,6 @@ from hil.cli.options import ModeOption, SeedOption, profiles_of, rig_with
 from hil.cli.plan_options import options_of, values_of
 from hil.client import RigClient
 from hil.config import Effect, RigFile
-from hil.config.rig import ROTATIONS
 from hil.configfile import load_rig, parse_settings
 from hil.effectlines import checked
 from hil.errors import ConfigError
@@ -178,7 +177,7 @@ def read_effects(rig: RigFile, given: list[str]) -> tuple[Effect, ...]:
 
 def unit_of(use: Use, rig: RigFile) -> str:
     """The unit of a limit's value and bound."""
-    return ("rad" if use.name in ROTATIONS or rig.is_rotary else "m") + _PER[use.rule]
+    return ("rad" if rig.rotates(use.name) else "m") + _PER[use.rule]
 
 
 def show(made: Design, rig: RigFile) -> None:

@@ -212,7 +212,8 @@ def _show_agard(a: AgardAnalysis) -> None:
             f"{e.low:.3f} .. {e.high:.3f} {e.unit}",
             f"{e.velocity:.2f} {e.unit}/s",
             f"{e.acceleration:.1f} {e.unit}/s²",
-            f"±{e.operational:g}, {e.operational_velocity:g} /s, {e.operational_acceleration:g} /s²",
+            f"±{e.operational:g} {e.unit}, {e.operational_velocity:g} {e.unit}/s, "
+            f"{e.operational_acceleration:g} {e.unit}/s²",
         )
     out.print(table)
     if a.sines:

@@ -55,4 +55,5 @@ def _flag(name: str) -> str:
 
 
 def _help(field: FieldInfo) -> str:
-    return (field.description or "").capitalize()
+    text = field.description or ""
+    return text[:1].upper() + text[1:]  # units keep their capitals

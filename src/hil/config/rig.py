@@ -160,6 +160,10 @@ class RigFile(Settings):
         """Whether its actuator turns the load: rad and N·m, not m and N."""
         return isinstance(self.geometry, AxisGeometry) and self.geometry.load == "pendulum"
 
+    def rotates(self, coordinate: str) -> bool:
+        """Whether a coordinate of the pose is an angle, rad, and no length, m."""
+        return self.is_rotary or coordinate in ROTATIONS
+
     @property
     def actuator_names(self) -> tuple[str, ...]:
         """Names of the actuators, in order."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from hil.config.rig import ROTATIONS, RigFile
+from hil.config.rig import RigFile
 
 FARTHEST_M: Final = 10.0
 WIDEST_RAD: Final = 2.0 * math.pi
@@ -18,7 +18,7 @@ def odd_sizes(rig: RigFile) -> list[str]:
         for k, a in enumerate(rig.actuators)
     ]
     sizes += [
-        (f"limits[{k}] ({name})", limit, rig.is_rotary or name in ROTATIONS)
+        (f"limits[{k}] ({name})", limit, rig.rotates(name))
         for k, (name, limit) in enumerate(zip(rig.coordinates, rig.limits, strict=True))
     ]
     return [_sentence(*size) for size in sizes if size[1] > (WIDEST_RAD if size[2] else FARTHEST_M)]

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from hil.config import RigFile
-from hil.config.rig import ROTATIONS
 from hil.identify.experiments import Design
 from hil.rigs import build_rig
 from hil.ui.page import FONT, PALETTE, page
@@ -49,14 +48,15 @@ def motion_figure(design: Design, rig: RigFile) -> go.Figure:
     rho = np.array([manipulator.inverse(q) for q in trajectory.poses[::thin]])
     rows: list[tuple[str, NDArray[np.float64], list[str]]] = []
     names = [rig.coordinates[k] for k in moving]
-    unit = "/".join(dict.fromkeys("rad" if c in ROTATIONS else "m" for c in names))
+    unit = "/".join(dict.fromkeys("rad" if rig.rotates(c) else "m" for c in names))
     for title, values in (
         (f"position, {unit}", trajectory.poses),
         (f"speed, {unit}/s", velocity),
         (f"acceleration, {unit}/s²", acceleration),
     ):
         rows.append((title, values[::thin][:, moving], names))
-    rows.append(("actuators from neutral", rho - rho[0], list(rig.actuator_names)))
+    length = "rad" if rig.is_rotary else "m"
+    rows.append((f"actuators from neutral, {length}", rho - rho[0], list(rig.actuator_names)))
     figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.03)
     t = trajectory.t_s[::thin]
     for row, (title, values, labels) in enumerate(rows, start=1):

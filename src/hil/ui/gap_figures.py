@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -31,7 +32,7 @@ def map_figure(found: Located) -> go.Figure:
     cells = found.evidence.cells
     names = found.evidence.problem.signals
     bands = sorted({b[0] for b in cells.band})
-    total = sum(float(cells.excess[c].sum()) for c in _clear_wholes(found)) or 1.0
+    total = _whole(found)
     by_band = _grid(len(names), len(bands))
     by_region = _grid(len(names), len(REGIONS))
     for c, (band, region, dimension) in enumerate(
@@ -42,9 +43,7 @@ def map_figure(found: Located) -> go.Figure:
             _add(by_band, row, bands.index(band[0]), found, c)
         else:
             _add(by_region, row, REGIONS.index(region), found, c)
-    tops = [
-        min((b[1] for b in cells.band if b[0] == low and b[1] > low), default=0.0) for low in bands
-    ]
+    tops = [max(b[1] for b in cells.band if b[0] == low) for low in bands]
     labels = [f"{low:g}–{top:.3g}" for low, top in zip(bands, tops, strict=True)]
     figure = make_subplots(
         cols=2, rows=1, shared_yaxes=True, horizontal_spacing=0.02, column_widths=[0.4, 0.6],
@@ -69,7 +68,7 @@ def signal_figure(found: Located, signal: str) -> go.Figure:
     mine = [c for c in range(len(cells.band)) if cells.signal[c] == s]
     bands = sorted({cells.band[c] for c in mine})
     columns = [r for r in ("everywhere", *REGIONS) if any(cells.region[c] == r for c in mine)]
-    total = sum(float(cells.excess[c].sum()) for c in _clear_wholes(found)) or 1.0
+    total = _whole(found)
     grid = _grid(len(bands), len(columns))
     for c in mine:
         _add(grid, bands.index(cells.band[c]), columns.index(cells.region[c]), found, c)
@@ -164,14 +163,16 @@ def state_figure(found: Located) -> go.Figure | None:
     return figure
 
 
-def _clear_wholes(found: Located) -> list[int]:
+def _whole(found: Located) -> float:
+    """The explainable gap that shares are of: infinite where there is none, so that nothing has a share."""
     cells = found.evidence.cells
     floor = cells.floor.sum(axis=1)
-    return [
+    clear = [
         c
         for c, d in enumerate(cells.dimension)
         if d == "" and cells.score[c] > 6.0 and cells.energy[c].sum() > 1.25**2 * floor[c]
     ]
+    return float(cells.excess[clear].sum()) if found.is_gap and clear else math.inf
 
 
 def _grid(rows: int, columns: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from html import escape
 from pathlib import Path
 from typing import Final
 
@@ -10,7 +11,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from hil.daemon.latency import BANDS_US, Latency
-from hil.errors import RunError
+from hil.ui.page import FONT, page
 
 BAND_NAMES: Final = ("excellent", "good", "loops in the drives", "late")
 _BAND_COLOURS: Final = ("#dcfce7", "#fef9c3", "#ffedd5", "#fee2e2")
@@ -37,22 +38,20 @@ def latency_figure(measured: Latency) -> go.Figure:
     ticks = [10.0**k for k in range(6)]
     figure.update_xaxes(
         type="log",
-        title_text="µs",
+        title_text="time",
         range=[0.0, 5.0],
         tickvals=ticks,
-        ticktext=["1", "10", "100", "1 ms", "10 ms", "100 ms"],
+        ticktext=["1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms"],
     )
     figure.update_yaxes(type="log", title_text="times", dtick=1)
-    p50, p99, highest = figures(measured.late_us)
     figure.update_layout(
-        title=f"{measured.late_us.size} wakes every {measured.cycle_s * 1e3:g} ms: median {p50:.0f} µs, "
-        f"99 % {p99:.0f} µs, worst {highest:.0f} µs, {measured.overruns} cycles missed",
         template="plotly_white",
         barmode="overlay",
         bargap=0.0,
-        height=460,
+        height=420,
+        margin={"l": 70, "r": 30, "t": 60, "b": 50},
         legend={"orientation": "h", "y": -0.2},
-        font={"family": "Inter, system-ui, sans-serif", "size": 12, "color": "#334155"},
+        font=dict(FONT),
     )
     return figure
 
@@ -65,15 +64,14 @@ def figures(values_us: NDArray[np.float64]) -> tuple[float, float, float]:
 
 def latency_report(measured: Latency, out_html: Path) -> Path:
     """Write the picture as a page that needs nothing else; RunError where it cannot be written."""
-    notes = "".join(
-        f"<p style='font:14px system-ui;color:#475569'>{t}</p>" for t in measured.rights
+    p50, p99, highest = figures(measured.late_us)
+    said = (
+        f"{measured.late_us.size} wakes every {measured.cycle_s * 1e3:g} ms: median {p50:.0f} µs, "
+        f"99 % {p99:.0f} µs, worst {highest:.0f} µs, {measured.overruns} cycles missed"
     )
-    page = latency_figure(measured).to_html(include_plotlyjs=True, full_html=True)
-    try:
-        out_html.write_text(page.replace("</body>", f"{notes}</body>"), encoding="utf-8")
-    except OSError as error:
-        raise RunError(f"{out_html}: cannot be written: {error.strerror}") from error
-    return out_html
+    rights = escape("; ".join(measured.rights))
+    section = ("How late the loop woke", rights, latency_figure(measured))
+    return page(out_html, "Latency of this PC", said, [section])
 
 
 def _label(figure: go.Figure, at_us: float, height: float, text: str, colour: str) -> None:

@@ -10,6 +10,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from hil.config import RigFile
 from hil.messages import EventMessage, StateMessage
 
 COLOURS = {
@@ -29,9 +30,11 @@ HISTORY = 40
 class LiveView:
     """Fed with states and events, gives what to draw. Holds no terminal and no clock."""
 
-    def __init__(self, rig: str, coordinates: Sequence[str], limits: Sequence[float]) -> None:
-        self._rig = rig
-        self._limits = dict(zip(coordinates, limits, strict=True))
+    def __init__(self, rig: RigFile) -> None:
+        self._rig = rig.name
+        self._limits = dict(zip(rig.coordinates, rig.limits, strict=True))
+        self._units = {c: "rad" if rig.rotates(c) else "m" for c in rig.coordinates}
+        self._length, self._force = ("rad", "N·m") if rig.is_rotary else ("m", "N")
         self._state: StateMessage | None = None
         self._errors: deque[float] = deque(maxlen=HISTORY)
         self._lateness: deque[float] = deque(maxlen=HISTORY)
@@ -69,9 +72,9 @@ class LiveView:
         state = self._state
         if state is None:
             return "no state yet"
-        pose = ", ".join(f"{name} {value:+.3f}" for name, value in state.pose.items())
+        pose = ", ".join(f"{n} {v:+.3f} {self._units.get(n, '')}" for n, v in state.pose.items())
         return (
-            f"{state.state}, {pose}, error {state.tracking_error * 1e3:.2f} mm, "
+            f"{state.state}, {pose}, error {state.tracking_error * 1e3:.2f} m{self._length}, "
             f"slots {state.slot_use:.1%}, late {state.lateness_s * 1e6:.0f} µs, "
             f"bus {state.bus_load:.0%}"
         )
@@ -80,14 +83,15 @@ class LiveView:
         table = Table("", "asked for", "measured", "", box=None, padding=(0, 2), header_style="dim")
         for name, limit in self._limits.items():
             asked, measured = state.setpoint.get(name), state.pose.get(name)
-            table.add_row(name, _value(asked), _value(measured), _bar(measured, limit))
+            label = f"{name}, {self._units[name]}"
+            table.add_row(label, _value(asked), _value(measured), _bar(measured, limit))
         return table
 
-    @staticmethod
-    def _actuators(state: StateMessage) -> Table:
+    def _actuators(self, state: StateMessage) -> Table:
         table = Table(
-            "", "position", "velocity", "force", "age", box=None, padding=(0, 2), header_style="dim"
-        )
+            "", f"position, {self._length}", f"velocity, {self._length}/s", f"force, {self._force}", "age",
+            box=None, padding=(0, 2), header_style="dim",
+        )  # fmt: skip
         for name, actuator in state.actuators.items():
             age = "–" if actuator.age_s is None else f"{actuator.age_s * 1e3:.0f} ms"
             force = "–" if actuator.force is None else f"{actuator.force:+8.1f}"
@@ -97,7 +101,9 @@ class LiveView:
     def _loop(self, state: StateMessage) -> Table:
         table = Table(box=None, show_header=False, padding=(0, 2))
         table.add_row(
-            "tracking error", f"{state.tracking_error * 1e3:7.2f} mm", _spark(self._errors)
+            "tracking error",
+            f"{state.tracking_error * 1e3:7.2f} m{self._length}",
+            _spark(self._errors),
         )
         table.add_row("lateness", f"{state.lateness_s * 1e6:7.0f} µs", _spark(self._lateness))
         table.add_row(

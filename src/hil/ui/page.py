@@ -23,6 +23,7 @@ _PAGE: Final = Template("""<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>$title</title>
 <style>
+html { overflow-y: scroll; } /* a scrollbar that came later would make figures too wide for their place */
 body { color-scheme: light; margin: 0; background: #f1f5f9; color: #0f172a;
        font: 15px/1.5 Inter, system-ui, -apple-system, "Segoe UI", sans-serif; }
 main { max-width: 1320px; margin: 0 auto; padding: 28px 24px 60px; }
@@ -31,7 +32,7 @@ h2 { font-size: 16px; margin: 0 0 10px; }
 p.sub { margin: 0 0 18px; color: #64748b; }
 p.note { margin: -6px 0 10px; color: #64748b; font-size: 13.5px; }
 section { background: #fff; border: 1px solid #e2e8f0; border-radius: 10px;
-          padding: 18px 20px; margin-bottom: 18px; }
+          padding: 18px 20px; margin-bottom: 18px; overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th { text-align: left; font-weight: 600; color: #475569; }
 th, td { padding: 4px 28px 4px 0; }

@@ -14,7 +14,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from hil.config import RigFile
-from hil.config.rig import ROTATIONS
 from hil.errors import KinematicsError
 from hil.rigs import Manipulator, build_rig
 from hil.runs import Run
@@ -100,7 +99,7 @@ def view(run: Run) -> RunView:
         setpoints = _actuator_setpoints(setpoints, asked, manipulator, rig)
         measured = _poses(manipulator, positions)
         coordinates = tuple(
-            _quantity(c, _unit(c), signal(run.table, f"cue.{c}"), asked[c], measured[c])
+            _quantity(c, _unit(rig, c), signal(run.table, f"cue.{c}"), asked[c], measured[c])
             for c in rig.coordinates
         )
     rotary = rig is not None and rig.is_rotary
@@ -166,8 +165,8 @@ def _quantity(name: str, unit: str, cue: Series, setpoint: Series, measured: Ser
     )
 
 
-def _unit(coordinate: str) -> str:
-    return "°" if coordinate in ROTATIONS else "mm"
+def _unit(rig: RigFile, coordinate: str) -> str:
+    return "°" if rig.rotates(coordinate) else "mm"
 
 
 def _actuators_of(table: pd.DataFrame) -> tuple[str, ...]:

@@ -15,7 +15,6 @@ from plotly.subplots import make_subplots
 from scipy.stats import qmc
 
 from hil.config import RigFile
-from hil.config.rig import ROTATIONS
 from hil.errors import KinematicsError
 from hil.rigs import Manipulator, condition_map, single_axis_ranges, stroke_violations
 from hil.ui.page import FONT, PALETTE, page
@@ -38,6 +37,8 @@ class Survey:
     """A rig's workspace in numbers; m, rad."""
 
     coordinates: tuple[str, ...]
+    rotates: tuple[bool, ...]
+    """Which of them are angles."""
     ranges: Array
     """(n, 2) each coordinate alone, the others neutral, up to the end of a stroke."""
     limits: Array
@@ -75,6 +76,7 @@ def survey(rig: RigFile, manipulator: Manipulator, length_m: float = 0.5) -> Sur
     determinants = conditions.determinant[inside]
     return Survey(
         rig.coordinates,
+        tuple(rig.rotates(c) for c in rig.coordinates),
         single_axis_ranges(manipulator),
         limits,
         1.0 - outside / SAMPLES,
@@ -109,7 +111,7 @@ def workspace_page(found: Survey, rig: RigFile, manipulator: Manipulator, out_ht
 def ranges_figure(found: Survey) -> go.Figure:
     """Bars from end to end of each coordinate, the limits as frames; lengths and angles apart."""
     groups = [
-        (unit, factor, [k for k, c in enumerate(found.coordinates) if (c in ROTATIONS) == rotary])
+        (unit, factor, [k for k, r in enumerate(found.rotates) if r == rotary])
         for unit, factor, rotary in (("mm", 1e3, False), ("deg", 180.0 / np.pi, True))
     ]
     groups = [group for group in groups if group[2]]
@@ -155,7 +157,7 @@ def slices_figure(found: Survey, rig: RigFile, manipulator: Manipulator) -> go.F
     pairs = [
         pair
         for pair in combinations(range(manipulator.n), 2)
-        if len({rig.coordinates[k] in ROTATIONS for k in pair}) == 1
+        if found.rotates[pair[0]] == found.rotates[pair[1]]
     ]
     slices = [_slice(found, rig, manipulator, pair) for pair in pairs]
     worst = max(float(np.nanmax(values)) for _, _, values in slices)
@@ -176,7 +178,7 @@ def slices_figure(found: Survey, rig: RigFile, manipulator: Manipulator) -> go.F
             row=row,
             col=column,
         )
-        factors = [_scale(rig.coordinates[k]) for k in pair]
+        factors = [_scale(found.rotates[k]) for k in pair]
         width, height = (f[0] * found.limits[k] for f, k in zip(factors, pair, strict=True))
         figure.add_shape(
             type="rect", x0=-width, x1=width, y0=-height, y1=height, row=row, col=column,
@@ -220,7 +222,7 @@ def _slice(
             q[list(pair)] = x, y
             if not _outside(manipulator, q, margin):
                 values[i, j] = np.linalg.cond(manipulator.jacobian(q) / lengths)
-    scales = [_scale(rig.coordinates[k])[0] for k in pair]
+    scales = [_scale(found.rotates[k])[0] for k in pair]
     return scales[0] * axes[0], scales[1] * axes[1], values
 
 
@@ -233,11 +235,11 @@ def _outside(manipulator: Manipulator, q: Array, margin: float) -> tuple[str, ..
 
 
 def _lengths(rig: RigFile, length_m: float) -> Array:
-    return np.array([length_m if c in ROTATIONS else 1.0 for c in rig.coordinates])
+    return np.array([length_m if rig.rotates(c) else 1.0 for c in rig.coordinates])
 
 
-def _scale(coordinate: str) -> tuple[float, str]:
-    return (180.0 / np.pi, "deg") if coordinate in ROTATIONS else (1e3, "mm")
+def _scale(rotates: bool) -> tuple[float, str]:
+    return (180.0 / np.pi, "deg") if rotates else (1e3, "mm")
 
 
 def _ranges_table(found: Survey) -> str:
@@ -254,8 +256,10 @@ def _ranges_table(found: Survey) -> str:
 def range_rows(found: Survey) -> list[tuple[str, str, str, str, str, str]]:
     """Name, from, to, range, ±limit and unit of each coordinate, as text."""
     rows = []
-    for name, (low, high), limit in zip(found.coordinates, found.ranges, found.limits, strict=True):
-        factor, unit = _scale(name)
+    for name, rotates, (low, high), limit in zip(
+        found.coordinates, found.rotates, found.ranges, found.limits, strict=True
+    ):
+        factor, unit = _scale(rotates)
         low, high, limit = (factor * float(x) for x in (low, high, limit))
         rows.append((name, f"{low:.1f}", f"{high:.1f}", f"{high - low:.1f}", f"±{limit:.1f}", unit))
     return rows

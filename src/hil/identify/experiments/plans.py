@@ -34,8 +34,8 @@ class Moving(Settings):
 class Band(Moving):
     """What moves with a band of frequencies."""
 
-    f_min: Frequency = Field(0.1, description="Hz")
-    f_max: Frequency = Field(5.0, description="Hz")
+    f_min: Frequency = Field(0.1, description="lowest frequency, Hz")
+    f_max: Frequency = Field(5.0, description="highest frequency, Hz")
 
     @model_validator(mode="after")
     def _rises(self) -> Self:
@@ -64,7 +64,7 @@ class Chirp(Band):
 
     kind: Literal["chirp"] = "chirp"
     law: Literal["linear", "log"] = Field("linear", description="how the frequency rises")
-    duration_s: Duration = Field(60.0, description="s")
+    duration_s: Duration = Field(60.0, description="time of the rise, s")
     fade_s: Fade = Field(3.0, description="fade of the acceleration in and out, s")
 
 
@@ -72,8 +72,8 @@ class Sweep(Band):
     """Sine of constant amplitude in acceleration (m/s², rad/s²), exponentially rising in frequency."""
 
     kind: Literal["sweep"] = "sweep"
-    f_min: Frequency = Field(0.2, description="Hz; held for one period first")
-    f_max: Frequency = Field(3.0, description="Hz")
+    f_min: Frequency = Field(0.2, description="lowest frequency, Hz; held for one period first")
+    f_max: Frequency = Field(3.0, description="highest frequency, Hz")
     duration_s: Duration = Field(60.0, description="time of the rise, s")
     fade_s: Fade = Field(3.0, description="fade of the acceleration in and out, s")
 
@@ -82,7 +82,9 @@ class Multisine(Band):
     """Random-phase multisine, periodic, in several realisations; amplitude: its peak in m or rad."""
 
     kind: Literal["multisine"] = "multisine"
-    period_s: Annotated[float, Field(ge=0.5, le=600.0)] = Field(10.0, description="s")
+    period_s: Annotated[float, Field(ge=0.5, le=600.0)] = Field(
+        10.0, description="after which the motion repeats, s"
+    )
     f_min: Frequency = Field(0.1, description="lowest line, Hz")
     f_max: Frequency = Field(3.0, description="highest line, Hz")
     lines: Literal["full", "odd", "odd_random"] = Field(
@@ -132,7 +134,7 @@ class Heave(Moving):
     """Sinusoid, in heave where the rig has it; amplitude in m or rad."""
 
     kind: Literal["heave"] = "heave"
-    frequency: Frequency = Field(0.25, description="Hz")
+    frequency: Frequency = Field(0.25, description="of the sinusoid, Hz")
     cycles: Count = Field(10, description="at full amplitude")
     fade_s: Fade = Field(4.0, description="fade of the acceleration in and out, s")
 
@@ -143,7 +145,7 @@ class Custom(Settings):
     kind: Literal["custom"] = "custom"
     file: str = Field(description="CSV with a column t and one a coordinate")
     sha256: str = Field("", description="of the file; filled in")
-    cutoff: NonNegative = Field(0.0, description="zero-phase low-pass first, Hz; 0: none")
+    cutoff: NonNegative = Field(0.0, description="of a zero-phase low-pass first, Hz; 0: none")
 
 
 Plan = Step | Chirp | Sweep | Multisine | Circle | Heave | Custom

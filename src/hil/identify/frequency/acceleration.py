@@ -9,16 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import RigFile
-from hil.config.rig import ROTATIONS
+from hil.config.geometry import AxisGeometry
 from hil.errors import IdentificationError
 from hil.identify.frequency.channels import Channel, Sampled, channel
+from hil.rigs.pack import DIRECTION
 from hil.runs import Run
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 AXES: Final = {"surge": 0, "sway": 1, "heave": 2, "roll": 0, "pitch": 1, "yaw": 2}
-"""Sensor axis of each coordinate: z up, and rotations about x, y, z."""
+"""Sensor axis of each coordinate of a platform: z up, and rotations about x, y, z."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +51,11 @@ def acceleration(run: Run, rig: RigFile, coordinate: str) -> Acceleration:
     Turned from the sensor's axes into the platform's. Gravity and bias are constant while the others
     rest, so they fall to the mean.
     """
-    rotates = coordinate in ROTATIONS
+    rotates = rig.rotates(coordinate)
     kind = "gyro" if rotates else "accel"
     unit = "rad/s²" if rotates else "m/s²"
     names = [f"imu.{kind}_{axis}" for axis in "xyz"]
-    if rig.imu is None or coordinate not in AXES or any(n not in run.table.columns for n in names):
+    if rig.imu is None or any(n not in run.table.columns for n in names):
         return Acceleration(channel(run, rig, coordinate), 2, unit)
     axes = [channel(run, rig, name) for name in names]
     samples = [a for a in axes if isinstance(a, Sampled)]
@@ -62,10 +63,17 @@ def acceleration(run: Run, rig: RigFile, coordinate: str) -> Acceleration:
         raise IdentificationError(
             f"{run.path.name}: the three axes of imu.{kind} are not sampled together"
         )
-    row = _turn(*rig.imu.orientation)[AXES[coordinate]]
+    row = _direction(rig, coordinate) @ _turn(*rig.imu.orientation)
     value = row @ np.array([a.value for a in samples])
     merged = Sampled(f"imu.{kind} along {coordinate}", samples[0].unit, samples[0].t_s, value)
     return Acceleration(merged, 1 if rotates else 0, unit)
+
+
+def _direction(rig: RigFile, coordinate: str) -> Array:
+    """(3,) in the platform's axes: along which it moves, or about which it turns."""
+    if isinstance(rig.geometry, AxisGeometry):
+        return np.array(DIRECTION[rig.geometry.load])
+    return np.asarray(np.eye(3)[AXES[coordinate]])
 
 
 def _turn(roll: float, pitch: float, yaw: float) -> Array:

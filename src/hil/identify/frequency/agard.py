@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import RigFile
-from hil.config.rig import ROTATIONS
 from hil.errors import IdentificationError
 from hil.identify.frequency.acceleration import acceleration
 from hil.identify.frequency.agard_sines import SineMeasures, measure_sine
@@ -83,7 +82,7 @@ def excursions(rig: RigFile) -> tuple[Excursion, ...]:
         out.append(
             Excursion(
                 name,
-                "rad" if name in ROTATIONS else "m",
+                "rad" if rig.rotates(name) else "m",
                 float(ranges[k, 0]),
                 float(ranges[k, 1]),
                 velocity,

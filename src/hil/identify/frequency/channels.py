@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from hil.config import RigFile
-from hil.config.rig import ROTATIONS
 from hil.control.track import MERGE_S
 from hil.errors import IdentificationError
 from hil.identify.frequency.harmonics import harmonic_amplitudes, sample_step, waveform
@@ -150,7 +149,7 @@ def channel(run: Run, rig: RigFile, name: str) -> Channel:
 def _posed(run: Run, rig: RigFile, name: str, quantity: str, coordinate: str) -> Posed:
     parts = tuple(_sampled(run, rig, f"{a}.{quantity}") for a in rig.actuator_names)
     index = rig.coordinates.index(coordinate)
-    return Posed(name, _coordinate_unit(coordinate), parts, build_rig(rig), index)
+    return Posed(name, _coordinate_unit(rig, coordinate), parts, build_rig(rig), index)
 
 
 def _sampled(run: Run, rig: RigFile, name: str) -> Sampled:
@@ -195,9 +194,9 @@ def shift_s(rig: RigFile, name: str) -> float:
 def _unit(rig: RigFile, name: str) -> str:
     group, _, quantity = name.partition(".")
     if group == "cue":
-        return _coordinate_unit(quantity)
+        return _coordinate_unit(rig, quantity)
     return quantity_unit(quantity, is_rotary=rig.is_rotary)
 
 
-def _coordinate_unit(coordinate: str) -> str:
-    return "rad" if coordinate in ROTATIONS else "m"
+def _coordinate_unit(rig: RigFile, coordinate: str) -> str:
+    return "rad" if rig.rotates(coordinate) else "m"

@@ -78,11 +78,11 @@ def _points(a: Analysis, q: Array) -> Array:
 _HTML: Final = Template("""
 <div style="position:relative">
 <canvas id="ride" style="width:100%;height:460px;display:block;border-radius:8px;background:#f8fafc;cursor:grab"></canvas>
-<div style="display:flex;gap:12px;align-items:center;margin-top:8px">
+<div style="display:flex;flex-wrap:wrap;gap:4px 12px;align-items:center;margin-top:8px">
 <button id="play" style="width:72px">pause</button>
-<input id="time" type="range" min="0" value="0" style="flex:1">
-<label><input id="follow" type="checkbox" checked> follow</label>
-<span id="said" style="min-width:21em;font-variant-numeric:tabular-nums;color:#475569"></span>
+<input id="time" type="range" min="0" value="0" style="flex:1 1 160px">
+<label style="white-space:nowrap"><input id="follow" type="checkbox" checked> follow</label>
+<span id="said" style="flex:0 0 auto;min-width:min(21em,100%);font-variant-numeric:tabular-nums;color:#475569"></span>
 </div></div>
 <script>
 (() => {

@@ -43,7 +43,7 @@ def path_figure(a: Analysis) -> go.Figure:
         )  # fmt: skip
     figure.update_yaxes(scaleanchor="x", title_text="y, m")
     figure.update_xaxes(title_text="x, m")
-    return _laid(figure, 420)
+    return _laid(figure, 472)
 
 
 def told_figure(a: Analysis) -> go.Figure:
@@ -140,7 +140,7 @@ def _rows(a: Analysis, rows: Sequence[tuple[str, Sequence[Line]]], columns: int)
             row="all", col=1,
         )  # fmt: skip
     figure.update_xaxes(title_text="t, s", row=len(rows), col=1)
-    return _laid(figure, 90 + 170 * len(rows))
+    return _laid(figure, 142 + 170 * len(rows))
 
 
 def _turns(a: Analysis) -> list[tuple[float, float]]:
@@ -160,6 +160,7 @@ def _few(values: Array) -> Array:
 def _laid(figure: go.Figure, height: int) -> go.Figure:
     figure.update_layout(
         height=height, template="plotly_white", font=dict(FONT),
-        margin={"l": 70, "r": 20, "t": 20, "b": 45}, legend={"orientation": "h", "y": 1.06},
+        margin={"l": 70, "r": 20, "t": 72, "b": 45},  # two rows of names below the toolbar
+        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0.0},
     )  # fmt: skip
     return figure

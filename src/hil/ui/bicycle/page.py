@@ -57,12 +57,16 @@ def ride_page(a: Analysis, out_html: Path) -> Path:
         sections.append(("Accelerations: model and accelerometer", note, accelerations))
     if n["imu"]:
         sections.append(("Model and IMU in numbers", NUMBERS, _imu_table(a)))
+    share = (
+        f" ({n['lean_torque_noise_rms']:.1f} of {n['lean_torque_rms']:.1f} N·m rms)"
+        if a.rolls.any()
+        else ""
+    )
     sections += [
         (
             "Torques",
             "Of the rider, from the multipliers. No lean torque acts on a free bicycle: what is left is "
-            f"noise ({n['lean_torque_noise_rms']:.1f} of {n['lean_torque_rms']:.1f} N·m rms), a foot on the "
-            "ground, or motion that the model has not.",
+            f"noise{share}, a foot on the ground, or motion that the model has not.",
             torque_figure(a),
         ),
         (
@@ -112,26 +116,29 @@ def _numbers(a: Analysis) -> str:
         ("steer torque (left +)", span("steer_torque", "N·m")),
         ("drive torque", span("drive_torque", "N·m", 1)),
         (
-            "drive torque off the reduced inertia's",
-            f"{n['drive_torque_off_reduced_inertia_rms']:.2f} of {n['drive_torque_rms']:.2f} N·m rms "
-            f"({n['reduced_inertia']:.3f} kg·m², with drag)",
-        ),
-        (
             "normal force, front",
             f"{span('normal_front', 'N', 0)}, mean {n['normal_front']['mean']:.1f} N",
         ),
         ("normal force, rear", span("normal_rear", "N", 0)),
-        ("friction demand, front", f"{front['peak']:.2f} at {front['t_s']:.2f} s"),
-        ("friction demand, rear", f"{rear['peak']:.2f} at {rear['t_s']:.2f} s"),
-        (
-            "lean torque left, rolling",
-            f"{n['lean_torque_rms']:.2f} N·m rms, by noise alone {n['lean_torque_noise_rms']:.2f}",
-        ),
         (
             "constraint of the contact's slope",
             f"{np.abs(m.multipliers[:, 1]).max():.1e} N·m, must be 0",
         ),
     ]
+    if a.rolls.any():
+        rows += [
+            (
+                "drive torque off the reduced inertia's",
+                f"{n['drive_torque_off_reduced_inertia_rms']:.2f} of {n['drive_torque_rms']:.2f} N·m rms "
+                f"({n['reduced_inertia']:.3f} kg·m², with drag)",
+            ),
+            ("friction demand, front", f"{front['peak']:.2f} at {front['t_s']:.2f} s"),
+            ("friction demand, rear", f"{rear['peak']:.2f} at {rear['t_s']:.2f} s"),
+            (
+                "lean torque left, rolling",
+                f"{n['lean_torque_rms']:.2f} N·m rms, by noise alone {n['lean_torque_noise_rms']:.2f}",
+            ),
+        ]
     return _table([("", ""), *rows])
 
 
