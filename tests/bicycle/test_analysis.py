@@ -14,6 +14,9 @@ from hil.configfile import load_bicycle
 from hil.runs import load_run
 from hil.runs.importing.importer import import_run
 from hil.runs.importing.mapfile import find_map
+from hil.ui.report_data import view
+from hil.ui.report_figures import time_figure
+from hil.ui.report_summary import summary_lines
 from tests.bicycle.rides import ride_of, run_of
 from tests.shared_data import shared
 
@@ -142,3 +145,11 @@ def test_a_measured_ride_rolls_as_its_gyroscope_says(tmp_path):
     assert by["imu.accel_y"].correlation > 0.7
     assert found.numbers()["normal_front"]["mean"] == pytest.approx(114.4, abs=1.0)
     assert {f.check for f in found.findings} == {"from_speed", "inertia"}
+
+
+def test_the_run_report_of_a_ride_shows_what_the_bicycle_measures(weaving):
+    run = run_of(weaving)
+    titles = [axis.title.text for axis in time_figure(view(run)).select_yaxes()]
+    for title in ("<b>angle</b><br>deg", "<b>rear wheel</b><br>rad", "<b>rate</b><br>rad/s"):
+        assert title in titles
+    assert "hil bicycle analyse" in summary_lines(run)[-1]

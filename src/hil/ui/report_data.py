@@ -14,6 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from hil.config import RigFile
+from hil.config.bicycle import SIGNALS
 from hil.errors import KinematicsError
 from hil.rigs import Manipulator, build_rig
 from hil.runs import Run
@@ -80,6 +81,8 @@ class RunView:
     coordinates: tuple[Quantity, ...]
     actuators: tuple[Quantity, ...]
     forces: dict[str, Series]
+    told: dict[str, Series]
+    """What a bicycle measures of itself."""
     imu: dict[str, Series]
     stays: tuple[Stay, ...]
     lateness_us: Array
@@ -112,10 +115,17 @@ def view(run: Run) -> RunView:
         coordinates,
         actuators,
         {a: _force(run, rig, a) for a in names},
+        _told(run),
         imu,
         _stays(run.states),
         _lateness_us(run.states),
     )
+
+
+def _told(run: Run) -> dict[str, Series]:
+    turns = np.degrees(1.0)
+    angles = {name: signal(run.table, name) for name in SIGNALS}
+    return {n: s if n == "rear_wheel" else s.scaled(turns, "°") for n, s in angles.items()}
 
 
 def signal(table: pd.DataFrame, name: str) -> Series:

@@ -125,6 +125,9 @@ def _rows(shown: RunView) -> list[_Row]:
             rows.append(row)
     unit = next((f.unit for f in shown.forces.values()), "N")
     rows.append(_coloured("force", unit, shown.forces))
+    angles = {n: s for n, s in shown.told.items() if n != "rear_wheel"}
+    rows.append(_coloured("angle", "°", angles))
+    rows.append(_coloured("rear wheel", "rad", {"rear_wheel": shown.told["rear_wheel"]}))
     for title, unit, key in (("rate", "rad/s", "imu.gyro"), ("specific force", "m/s²", "imu.acc")):
         part = {n.removeprefix("imu."): s for n, s in shown.imu.items() if n.startswith(key)}
         rows.append(_coloured(title, unit, part))

@@ -115,6 +115,8 @@ def _events(run: Run) -> str:
 
 def _limits(shown: RunView) -> str:
     rig = shown.run.rig
+    if shown.run.meta.mode == "ride":
+        return "none: nothing drives it; `hil bicycle analyse` computes what acts on it"
     if rig is None:
         return "unknown without a rig file"
     hits = [*_pose_limits(shown, rig), *_actuator_limits(shown, rig)]
