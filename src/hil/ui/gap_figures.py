@@ -12,6 +12,7 @@ from plotly.subplots import make_subplots
 
 from hil.gap import Located
 from hil.gap.record.regions import DIMENSIONS
+from hil.ui.page import FONT
 from hil.ui.report_data import Series, drawn
 
 Array = NDArray[np.float64]
@@ -23,7 +24,6 @@ LEFT, FLOOR, LINE = "#0f766e", "#cbd5e1", "#b91c1c"
 SCALE: Final = ((0.0, "#f8fafc"), (0.25, "#fde68a"), (0.6, "#f97316"), (1.0, "#7f1d1d"))
 HIGHEST: Final = 10.0
 """Times the floor at which the colours end."""
-_FONT: Final = {"family": "Inter, system-ui, sans-serif", "size": 12, "color": "#334155"}
 REGIONS: Final = tuple(r for names in DIMENSIONS.values() for r in names)
 
 
@@ -55,7 +55,7 @@ def map_figure(found: Located) -> go.Figure:
     figure.update_yaxes(autorange="reversed")
     figure.update_xaxes(tickangle=-40)
     figure.update_layout(
-        height=190 + 26 * len(names), template="plotly_white", font=_FONT,
+        height=190 + 26 * len(names), template="plotly_white", font=FONT,
         margin={"l": 110, "r": 20, "t": 40, "b": 110},
     )  # fmt: skip
     return figure
@@ -78,7 +78,7 @@ def signal_figure(found: Located, signal: str) -> go.Figure:
     figure.update_xaxes(tickangle=-40)
     figure.update_layout(
         title={"text": f"<b>{signal}</b>: bands by regions", "font": {"size": 14}},
-        height=180 + 28 * len(bands), template="plotly_white", font=_FONT,
+        height=180 + 28 * len(bands), template="plotly_white", font=FONT,
         margin={"l": 110, "r": 20, "t": 40, "b": 110},
     )  # fmt: skip
     return figure
@@ -113,7 +113,7 @@ def time_figure(found: Located) -> go.Figure:
         figure.update_yaxes(title_text=f"<b>{s.signal}</b><br>{s.unit}", row=k, col=1)
     figure.update_xaxes(title_text="t, s", row=len(rows), col=1)
     figure.update_layout(
-        height=90 + 130 * len(rows), template="plotly_white", font=_FONT,
+        height=90 + 130 * len(rows), template="plotly_white", font=FONT,
         margin={"l": 100, "r": 20, "t": 15, "b": 45},
     )  # fmt: skip
     return figure
@@ -157,7 +157,7 @@ def state_figure(found: Located) -> go.Figure | None:
     figure.update_xaxes(title_text=f"velocity, {length}/s", row=len(actuators), col=1)
     figure.update_xaxes(title_text=f"position, {length}", row=len(actuators), col=2)
     figure.update_layout(
-        height=100 + 210 * len(actuators), template="plotly_white", font=_FONT,
+        height=100 + 210 * len(actuators), template="plotly_white", font=FONT,
         margin={"l": 100, "r": 20, "t": 15, "b": 45},
     )  # fmt: skip
     return figure

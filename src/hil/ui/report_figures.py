@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.signals import Event
+from hil.ui.page import FONT, PALETTE
 from hil.ui.report_data import Array, Quantity, RunView, Series, thinned
 
 MOST_POINTS: Final = 3000
@@ -19,8 +20,6 @@ MOST_MARKS: Final = 200
 """Events drawn as lines through all rows; more of them are dots in the top row only."""
 
 CUE, SETPOINT, MEASURED = "#94a3b8", "#2563eb", "#ea580c"
-PALETTE: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Okabe and Ito's colours, which colour-blind readers tell apart. [M]"""
 
 STATE_COLOURS: Final = {
     "offline": "#cbd5e1",
@@ -36,7 +35,6 @@ SEVERITY_COLOURS: Final = {"info": "#64748b", "warning": "#d97706", "fault": "#d
 
 _ROW_PX: Final = 190
 _TOP_ROW_PX: Final = 70
-_FONT: Final = {"family": "Inter, system-ui, sans-serif", "size": 12, "color": "#334155"}
 
 
 @dataclass(slots=True)
@@ -67,7 +65,7 @@ def time_figure(shown: RunView) -> go.Figure:
         height=total + 80,
         margin={"l": 70, "r": 150, "t": 20, "b": 50},
         template="plotly_white",
-        font=_FONT,
+        font=FONT,
         hovermode="x",
         hoverlabel={"namelength": -1},
     )
@@ -103,7 +101,7 @@ def lateness_figure(lateness_us: Array) -> go.Figure:
         height=320,
         margin={"l": 70, "r": 150, "t": 30, "b": 50},
         template="plotly_white",
-        font=_FONT,
+        font=FONT,
         bargap=0.0,
     )
     figure.update_yaxes(type="log", title_text="cycles", dtick=1)
