@@ -146,3 +146,20 @@ def test_targets_that_act_as_they_come_are_left_so():
     samples = {s: (stamps[s], v + rng.standard_normal(len(v))) for s, v in answers.items()}
     samples["axis.position"] = (stamps["axis.position"], answers["axis.position"])
     assert find_clocks(Problem(FAST, [Stretch("sent", {"axis": (sent, told)}, samples)])) == {}
+
+
+def test_frames_that_come_now_before_a_tick_now_after_it_are_none_that_miss_a_sync():
+    bus = FAST.bus.model_copy(update={"cycle": 0.004, "position_loop": 0.001})
+    rig = FAST.model_copy(update={"bus": bus})
+    rng = np.random.default_rng(4)
+    sent = np.arange(0.0, 12.0, bus.cycle)
+    sent += rng.uniform(0.0, 6e-4, len(sent))
+    told = 0.1 * np.sin(2.0 * np.pi * 0.6 * sent) * np.clip(sent, 0.0, 1.0)
+    stamps = dict.fromkeys(("axis.position", "axis.force"), sent + 0.0006)
+    acts = acting(rig, sent, Ticks(bus.setpoint_delay + 3e-4, 0.0, 0.0))
+    samples = {}
+    for s, v in Twin(rig, smooth=True).replay({"axis": (acts, told)}, stamps).items():
+        noise = 4.0 if s.endswith("force") else 1e-6
+        samples[s] = (stamps[s], v + noise * rng.standard_normal(len(v)))
+    clocks = find_clocks(Problem(rig, [Stretch("own ticks", {"axis": (sent, told)}, samples)]))
+    assert not any(clock.late for clock in clocks.values())

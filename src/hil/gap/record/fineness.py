@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 CLEARER: Final = 0.06
 """Log of the fine structure that other instants must take off to be believed."""
 
+GAUSSIAN: Final = -0.43
+"""Mean of log(|n| + a tenth of its median), n normal of spread 1."""
+
 
 def fineness(problem: Problem, stretch: int, actuator: str, flat: Array) -> float:
     """Log of the fine structure of an actuator's force in a stretch."""
@@ -22,6 +25,17 @@ def fineness(problem: Problem, stretch: int, actuator: str, flat: Array) -> floa
     for _, steps, kept in fine_structure(problem, stretch, actuator, [flat]):
         s = steps[0, kept]
         total += float(np.mean(np.log(s + 0.1 * np.median(s) + 1e-12)))
+    return total
+
+
+def quiet(problem: Problem, stretch: int, actuator: str) -> float:
+    """What `fineness` is where nothing but the sensors' noise of the rig file is left."""
+    noise, total = problem.rig.noise, 0.0
+    for x in problem.series:
+        if x.stretch == stretch and x.actuator == actuator and x.quantity in ("force", "current"):
+            step = getattr(noise, f"{x.quantity}_step") / np.sqrt(12.0)
+            spread = np.hypot(getattr(noise, x.quantity), step)
+            total += float(np.log(np.sqrt(2.0) * spread + 1e-12)) + GAUSSIAN
     return total
 
 

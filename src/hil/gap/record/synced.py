@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.record.fineness import CLEARER, fineness
+from hil.gap.record.fineness import CLEARER, fineness, quiet
 from hil.gap.record.latecomers import Synced, with_latecomers
 from hil.gap.record.problem import Problem, Series
 from hil.gap.record.ticks import AtSync, Ticks
@@ -25,6 +25,9 @@ FASTEST: Final = 1e-4
 TICKS: Final = 0.25
 """Log of what a position leaves, root mean square, that ticks must take off to be believed: a constant delay
 is no tick, and what goes with speed in other ways falls out of step with any."""
+QUIET: Final = 0.5
+"""Log of a force's fine structure over that of noise, up to which late frames may leave it. Told one by one
+they take some off any; drives at SYNC had 0.2 left and less, those of other buses 1.1 and more."""
 ROUNDS: Final = (
     (1500, FASTEST, 2e-6, 0.5, 1.0 / 32.0),
     (3000, 2e-6, 2e-7, 1.0 / 16.0, 1.0 / 256.0),
@@ -52,23 +55,27 @@ def at_sync(problem: Problem, vector: Array) -> Synced:
             found[key] = AtSync(synced.cycle_s, _ticks(problem, x, regular[x.part]))
     if any(s.ticks for s in found.values()):
         found = _slid(problem, found, vector)
-    rest = {key: s for key, s in tried.items() if key not in found}
-    late = _clearer(problem, with_latecomers(problem, rest, vector), vector)
-    return with_latecomers(problem, found, vector) | late
+    late = with_latecomers(problem, {**tried, **found}, vector)
+    return found | _clearer(problem, late, vector, QUIET)
 
 
-def _clearer(problem: Problem, clocks: Synced, vector: Array) -> Synced:
+def _clearer(problem: Problem, clocks: Synced, vector: Array, most: float = np.inf) -> Synced:
     """Those of `clocks` in whose stretches force has clearly less of a structure of its own than beside
-    setpoints that act as they were sent."""
+    setpoints that act as they were sent, and `most` more than the sensors' noise has, in its log."""
     if not clocks:
         return {}
     as_sent = problem.predict(vector)[0]
     other = problem.with_clocks(clocks).predict(vector)[0]
     off = dict.fromkeys([k for k, _ in clocks], 0.0)
+    loud = dict(off)
     for k, a in clocks:
-        off[k] += fineness(problem, k, a, as_sent) - fineness(problem, k, a, other)
-    names = problem.rig.actuator_names
-    return {key: s for key, s in clocks.items() if off[key[0]] > CLEARER * len(names)}
+        left = fineness(problem, k, a, other)
+        off[k] += fineness(problem, k, a, as_sent) - left
+        loud[k] += left - quiet(problem, k, a)
+    n = len(problem.rig.actuator_names)
+    return {
+        key: s for key, s in clocks.items() if off[key[0]] > CLEARER * n and loud[key[0]] < most * n
+    }
 
 
 def _slid(problem: Problem, found: Synced, vector: Array) -> Synced:
