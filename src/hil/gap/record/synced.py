@@ -25,9 +25,10 @@ FASTEST: Final = 1e-4
 TICKS: Final = 0.25
 """Log of what a position leaves, root mean square, that ticks must take off to be believed: a constant delay
 is no tick, and what goes with speed in other ways falls out of step with any."""
-QUIET: Final = 0.5
-"""Log of a force's fine structure over that of noise, up to which late frames may leave it. Told one by one
-they take some off any; drives at SYNC had 0.2 left and less, those of other buses 1.1 and more."""
+QUIET: Final = 0.7
+"""Log of a force's fine structure over that of noise, up to which SYNC and late frames may leave it. Told one
+by one those take some off any; drives at SYNC had 0.2 left (six soft legs 0.5), those of other buses 1.1 and
+more."""
 ROUNDS: Final = (
     (1500, FASTEST, 2e-6, 0.5, 1.0 / 32.0),
     (3000, 2e-6, 2e-7, 1.0 / 16.0, 1.0 / 256.0),
@@ -56,12 +57,12 @@ def at_sync(problem: Problem, vector: Array) -> Synced:
     if any(s.ticks for s in found.values()):
         found = _slid(problem, found, vector)
     late = with_latecomers(problem, {**tried, **found}, vector)
-    return found | _clearer(problem, late, vector, QUIET)
+    return found | _clearer(problem, late, vector)
 
 
-def _clearer(problem: Problem, clocks: Synced, vector: Array, most: float = np.inf) -> Synced:
+def _clearer(problem: Problem, clocks: Synced, vector: Array) -> Synced:
     """Those of `clocks` in whose stretches force has clearly less of a structure of its own than beside
-    setpoints that act as they were sent, and `most` more than the sensors' noise has, in its log."""
+    setpoints that act as they were sent, and hardly more than the sensors' noise has."""
     if not clocks:
         return {}
     as_sent = problem.predict(vector)[0]
@@ -74,7 +75,9 @@ def _clearer(problem: Problem, clocks: Synced, vector: Array, most: float = np.i
         loud[k] += left - quiet(problem, k, a)
     n = len(problem.rig.actuator_names)
     return {
-        key: s for key, s in clocks.items() if off[key[0]] > CLEARER * n and loud[key[0]] < most * n
+        key: s
+        for key, s in clocks.items()
+        if off[key[0]] > CLEARER * n and loud[key[0]] < QUIET * n
     }
 
 
