@@ -137,5 +137,5 @@ def _stream(rig: RigFile, cues_of: Iterable[Cue], endpoint: str) -> None:
     with RigClient(rig.name, endpoint, name="hil-cue") as client:
         need_following(client)
         start_s = time.monotonic()
-        reply = stream(client, cues_of)
+        reply = stream(client, cues_of, rig.coordinates)
     err.print(f"cues sent for {time.monotonic() - start_s:.1f} s; {reply.message}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
 from hil.client.rig import RigClient
@@ -26,24 +26,25 @@ def need_following(client: RigClient) -> None:
 
 
 def stream(
-    client: RigClient, cues: Iterable[Cue], on_progress: Callable[[float], None] = lambda t_s: None
+    client: RigClient,
+    cues: Iterable[Cue],
+    coordinates: Sequence[str],
+    on_progress: Callable[[float], None] = lambda t_s: None,
 ) -> CommandReply:
     """Send `cues`, each at its own time after now, then park; returns what the rig answered to that.
 
-    Parks too where it is interrupted. `on_progress` is told the time of each cue, s. CommandRefused as soon
-    as the rig no longer follows, with the state that it went to and why; then it is left as it is: somebody
-    may have stopped it.
+    `coordinates`: the names of the cues' own, in their order. Parks too where it is interrupted.
+    `on_progress` is told the time of each cue, s. CommandRefused once the rig no longer follows, with the
+    state that it went to and why; then it is left as it is: somebody may have stopped it.
     """
     events = client.events()
     start_s = time.monotonic()
-    is_following = True
     try:
         for cue in cues:
             time.sleep(max(0.0, start_s + cue.t_client_s - time.monotonic()))
-            client.cues(cue_message(cue, client.coordinates).poses, start_s + cue.t_client_s)
+            client.cues(cue_message(cue, coordinates).poses, start_s + cue.t_client_s)
             state = client.state()
             if state is not None and state.state not in FOLLOWING:
-                is_following = False
                 told = [e.text for e in events.waiting() if e.severity != "info"]
                 why = "; ".join(filter(None, (state.fault, *told[-3:]))) or "it was told to"
                 raise CommandRefused(
@@ -51,7 +52,8 @@ def stream(
                 )
             on_progress(cue.t_client_s)
     except BaseException:
-        if is_following:
+        state = client.state()
+        if state is None or state.state in FOLLOWING:
             client.command("park")
         raise
     return client.command("park")

@@ -94,7 +94,8 @@ def play_on_rig(
     _record(client, on=False)
     _record(client, on=True)
     try:
-        stream(client, experiment_cues(design.trajectory, rig, CLIENT), on_progress)
+        motion = experiment_cues(design.trajectory, rig, CLIENT)
+        stream(client, motion, rig.coordinates, on_progress)
     finally:
         _await_parked(client, rig)
         _record(client, on=False)
