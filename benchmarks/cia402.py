@@ -136,7 +136,7 @@ class Meter:
         return lambda *arguments: self(owner, *arguments)
 
 
-class Nowhere(canopen.Network):  # type: ignore[misc]
+class Nowhere(canopen.Network):  # type: ignore[misc]  # mypy skips that library
     """canopen's network without a bus."""
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:

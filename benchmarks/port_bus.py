@@ -11,7 +11,7 @@ from hil.bus.port import BusPort, open_port
 from hil.frames import Frame
 
 
-class PortBus(can.BusABC):  # type: ignore[misc]
+class PortBus(can.BusABC):  # type: ignore[misc]  # mypy skips that library
     """A port of ours as a bus of python-can, so that other people's programs can sit on a hub."""
 
     def __init__(self, url: str, bitrate_bps: int = 1_000_000) -> None:

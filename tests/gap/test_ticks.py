@@ -6,6 +6,7 @@ import pytest
 from hil.bus.load import RECKONED_BITS
 from hil.configfile import load_rig
 from hil.gap.record.arrivals import find_clocks
+from hil.gap.record.fineness import fineness, quiet
 from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import AtSync, Ticks, acting
 from hil.identify.replay import Stretch
@@ -90,6 +91,14 @@ def test_targets_that_act_at_sync_are_taken_for_regular_however_their_frames_jit
     clocks = find_clocks(problem)
     assert clocks == {(0, "axis"): AtSync(FAST.bus.cycle)}
     assert worst_n(problem, clocks) < 4.2 < 0.7 * worst_n(problem, {})
+
+
+def test_what_sync_leaves_is_no_more_than_the_sensors_noise_has():
+    problem = at_sync_record()
+    answer = problem.with_clocks({(0, "axis"): AtSync(FAST.bus.cycle)}).predict(problem.base)[0]
+    assert fineness(problem, 0, "axis", answer) == pytest.approx(
+        quiet(problem, 0, "axis"), abs=0.05
+    )
 
 
 def test_a_drive_that_gets_late_and_is_early_again_has_a_clock_of_its_own():

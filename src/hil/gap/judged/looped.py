@@ -36,7 +36,7 @@ def is_spring(c: Calibrated, f: Fit, leaf: Leaf) -> bool:
 
 def of_place(way_m: Array, over_m: float) -> float:
     """Share 0..1, which a cubic of the position explains, of the variance of a hysteresis that gives way over
-    `over_m`, m, along positions (M,), m; 1 where nothing moves."""
+    `over_m`, m (rad), along positions (M,), m (rad); 1 where nothing moves."""
     state = np.zeros(len(way_m))
     for k in range(1, len(way_m)):
         state[k] = hysteresis_advance(state[k - 1], way_m[k] - way_m[k - 1], over_m)

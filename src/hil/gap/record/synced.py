@@ -28,7 +28,7 @@ is no tick, and what goes with speed in other ways falls out of step with any.""
 QUIET: Final = 0.7
 """Log of a force's fine structure over that of noise, up to which SYNC and late frames may leave it. Told one
 by one those take some off any; drives at SYNC had 0.2 left (six soft legs 0.5), those of other buses 1.1 and
-more."""
+more [set on axis 135 and used-up cases of two worlds]."""
 ROUNDS: Final = (
     (1500, FASTEST, 2e-6, 0.5, 1.0 / 32.0),
     (3000, 2e-6, 2e-7, 1.0 / 16.0, 1.0 / 256.0),
