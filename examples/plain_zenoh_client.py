@@ -10,6 +10,7 @@ import time
 
 import zenoh
 
+NAME = "plain-example"
 DEFAULTS = ["tcp/127.0.0.1:7447", "motorcycle", "10"]
 ENDPOINT, RIG, SECONDS = sys.argv[1:4] + DEFAULTS[len(sys.argv[1:4]) :]
 
@@ -25,7 +26,7 @@ def open_session() -> zenoh.Session:
 
 def command(session: zenoh.Session, name: str, **arguments: object) -> bool:
     """Give a command and show its answer; commands are queries, so there always is one."""
-    payload = json.dumps({"client": "plain example", "arguments": arguments})
+    payload = json.dumps({"client": NAME, "arguments": arguments})
     for reply in session.get(f"hil/{RIG}/command/{name}", payload=payload, timeout=8.0):
         if reply.ok is None:
             print(f"{name}: refused: {reply.err.payload.to_string()}")
@@ -61,7 +62,7 @@ def ride(session: zenoh.Session, states: zenoh.Subscriber) -> None:
         pose = {"dt": 0.0, "yaw": 0.0, "pitch": 0.0, "roll": roll}
         cues.put(
             json.dumps({"seq": seq, "t": time.monotonic(), "poses": [pose]}),
-            attachment="plain-example",
+            attachment=NAME,
             source_info=zenoh.SourceInfo(cues.id, seq),
         )
         while (sample := states.try_recv()) is not None:
@@ -74,13 +75,13 @@ def ride(session: zenoh.Session, states: zenoh.Subscriber) -> None:
 
 
 def main() -> None:
-    """Arm, ride, park."""
+    """Arm, ride; then the rig parks, unless somebody stopped it."""
     with open_session() as session:
         states = session.declare_subscriber(f"hil/{RIG}/state", zenoh.handlers.RingChannel(10))
         if command(session, "arm"):
             wait_until_ready(states)
             ride(session, states)
-            command(session, "park")
+            command(session, "finish")
 
 
 if __name__ == "__main__":

@@ -213,7 +213,9 @@ def test_the_plain_example_rides_and_imports_nothing_of_hil(running, monkeypatch
     finally:
         stop.set()
         beating.join()
-    names = [command.name for command in running.control.commands()]
-    assert names == ["arm", "park"]
-    assert len(running.control.cues()) > 10
+    arm, finish = running.control.commands()
+    cues = running.control.cues()
+    assert (arm.name, finish.name) == ("arm", "finish")
+    assert len(cues) > 10
+    assert {cue.client.partition("@")[0] for cue in cues} == {finish.argument}
     assert "engaged" in capsys.readouterr().out

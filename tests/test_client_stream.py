@@ -1,4 +1,4 @@
-"""A motion is streamed by the names of its own coordinates, and parks only what still follows."""
+"""A motion is streamed by the names of its own coordinates, and moves nothing that no longer follows it."""
 
 from types import SimpleNamespace
 
@@ -6,6 +6,7 @@ import pytest
 
 from hil.client.stream import stream
 from hil.errors import CommandRefused
+from hil.messages import CommandReply
 from hil.signals import Cue, TimedPose
 
 CUE = Cue("test", 0, 0.0, 0.0, (TimedPose(0.0, (0.1, 0.2)),))
@@ -17,7 +18,7 @@ class Rig:
     rig, coordinates = "two", ("pitch", "heave")
 
     def __init__(self, state: str) -> None:
-        self.sent, self.commands = [], []
+        self.sent, self.commands, self.refused = [], [], ""
         self._state = SimpleNamespace(state=state, fault="")
 
     def events(self):
@@ -31,17 +32,25 @@ class Rig:
 
     def command(self, name):
         self.commands.append(name)
+        return CommandReply(not self.refused, self.refused)
 
 
 def test_each_number_goes_to_the_coordinate_that_it_was_made_for():
     rig = Rig("engaged")
     stream(rig, [CUE], ("heave", "pitch"))
     assert rig.sent == [{"dt": 0.0, "heave": 0.1, "pitch": 0.2}]
-    assert rig.commands == ["park"]
+    assert rig.commands == ["finish"]
 
 
-def test_a_rig_that_went_elsewhere_is_left_as_it_is():
+def test_a_rig_that_went_elsewhere_ends_the_motion():
     rig = Rig("parking")
     with pytest.raises(CommandRefused, match=r"two went to parking 0\.0 s"):
+        stream(rig, [CUE, CUE], ("heave", "pitch"))
+    assert (len(rig.sent), rig.commands) == (1, ["finish"])
+
+
+def test_a_rig_that_was_stopped_at_the_very_end_is_said():
+    rig = Rig("engaged")
+    rig.refused = "the rig was stopped: park or disarm it"
+    with pytest.raises(CommandRefused, match="two: the rig was stopped"):
         stream(rig, [CUE], ("heave", "pitch"))
-    assert rig.commands == []

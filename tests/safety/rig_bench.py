@@ -83,9 +83,9 @@ class Bench:
         self._obey(out.power)
         return out
 
-    def ask(self, command: Command, **inputs: Any) -> tuple[bool, str]:
+    def ask(self, command: Command, client: str = "", **inputs: Any) -> tuple[bool, str]:
         """A command, and its reply."""
-        self._requests = (Request(7, command),)
+        self._requests = (Request(7, command, client),)
         (reply,) = self.step(**inputs).replies
         assert reply.request_id == 7
         return reply.ok, reply.message

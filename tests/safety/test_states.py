@@ -260,6 +260,41 @@ def test_stop_holds_on_the_spot_until_park_or_disarm(bench: Bench) -> None:
     assert bench.step().motion is MotionGoal.PARK
 
 
+def test_a_client_that_is_done_parks_the_rig_that_it_moves(bench: Bench) -> None:
+    bench.engaged()
+    name = CLIENT.partition("@")[0]
+    assert bench.ask(Command.FINISH, name) == (True, "the rig parks")
+    assert bench.step().motion is MotionGoal.PARK
+    assert bench.ask(Command.FINISH, name)[0]
+
+
+def test_a_client_that_is_done_moves_nothing_that_a_person_has_stopped(bench: Bench) -> None:
+    bench.engaged()
+    name = CLIENT.partition("@")[0]
+    assert bench.ask(Command.STOP)[0]
+    ok, text = bench.ask(Command.FINISH, name)
+    assert (ok, "stopped" in text) == (False, True)
+    assert bench.step().motion is MotionGoal.HOLD
+    bench.inputs["at_rest"] = True
+    bench.run(1.0)
+    assert bench.ask(Command.DISARM)[0]
+    assert not bench.ask(Command.FINISH, name)[0]
+    assert bench.step().power is PowerGoal.OFF
+
+
+def test_a_client_that_is_done_leaves_the_rig_to_whom_it_follows(bench: Bench) -> None:
+    bench.engaged()
+    ok, text = bench.ask(Command.FINISH, "other")
+    assert (ok, CLIENT in text) == (False, True)
+    assert bench.state.name is ENGAGED
+
+
+def test_a_client_that_is_done_leaves_a_rig_ready_that_follows_nobody(bench: Bench) -> None:
+    bench.ready()
+    assert not bench.ask(Command.FINISH, CLIENT.partition("@")[0])[0]
+    assert bench.state.name is READY
+
+
 def test_a_stopped_rig_at_rest_can_be_disarmed_where_it_stands(bench: Bench) -> None:
     bench.held()
     ok, message = bench.ask(Command.DISARM)

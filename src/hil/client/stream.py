@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from typing import Final
 
 from hil.client.rig import RigClient
-from hil.errors import CommandRefused
+from hil.errors import CommandRefused, RigNotReached
 from hil.messages import CommandReply, cue_message
 from hil.signals import Cue
 
@@ -35,7 +36,7 @@ def stream(
 
     `coordinates`: the names of the cues' own, in their order. Parks too where it is interrupted.
     `on_progress` is told the time of each cue, s. CommandRefused once the rig no longer follows, with the
-    state that it went to and why; then it is left as it is: somebody may have stopped it.
+    state that it went to and why; then it is left as it is: somebody may have stopped it, or moves it.
     """
     events = client.events()
     start_s = time.monotonic()
@@ -52,8 +53,10 @@ def stream(
                 )
             on_progress(cue.t_client_s)
     except BaseException:
-        state = client.state()
-        if state is None or state.state in FOLLOWING:
-            client.command("park")
+        with suppress(RigNotReached):
+            client.command("finish")
         raise
-    return client.command("park")
+    reply = client.command("finish")
+    if not reply.ok:
+        raise CommandRefused(f"{client.rig}: {reply.message}")
+    return reply

@@ -46,6 +46,8 @@ def obey(
             ok, text, state = _park(inputs, state, settings, now_s)
         case Command.STOP:
             ok, text, state = _stop(state, settings, now_s)
+        case Command.FINISH:
+            ok, text, state = _finish(request.client, state, settings, now_s)
         case Command.RESET:
             ok, text, state = _reset(state, now_s)
         case _:
@@ -129,6 +131,21 @@ def _stop(state: RigState, settings: StateSettings, now_s: float) -> _Outcome:
     if state.name is StateName.READY:
         return True, "cues move nothing any more", state.to(StateName.PARKED, now_s)
     return True, "nothing moves", replace(state, resume_s=-float("inf"))
+
+
+def _finish(client: str, state: RigState, settings: StateSettings, now_s: float) -> _Outcome:
+    if state.held:
+        return False, "the rig was stopped: park or disarm it", state
+    if state.latched or not state.armed:
+        return False, f"the rig is {state.name.value}{_why(state)}: it is left so", state
+    if state.name is StateName.READY:
+        return False, "the rig follows nobody: it stays ready", state
+    if (state.client or "").partition("@")[0] != client:
+        return False, f"the rig follows {state.client or 'nobody'}, not {client}: it goes on", state
+    if state.name is StateName.ENGAGED:
+        return True, "the rig parks", state.park(now_s, settings.park_time_s)
+    done = "the rig parks" if state.name is StateName.PARKING else "the rig is parked"
+    return True, done, replace(state, resume_s=-float("inf"))
 
 
 def _reset(state: RigState, now_s: float) -> _Outcome:

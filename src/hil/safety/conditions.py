@@ -34,6 +34,8 @@ class Command(Enum):
     DISARM = "disarm"
     PARK = "park"
     STOP = "stop"
+    FINISH = "finish"
+    """A client's motion is over: park, but only what that client moves, and nothing that a person stopped."""
     RESET = "reset"
 
 
@@ -42,6 +44,8 @@ class Request(NamedTuple):
 
     request_id: int
     command: Command
+    client: str = ""
+    """The name of whose it is, without its session; only `FINISH` asks."""
 
 
 class RigInputs(NamedTuple):

@@ -148,7 +148,8 @@ class RigCore:
             text = "an object of a drive is being written: wait for its answer"
             self._records.append(ReplyRecord(command.command_id, False, text))
         elif command.name in COMMANDS:
-            self._requests.append(Request(command.command_id, COMMANDS[command.name]))
+            asked = COMMANDS[command.name]
+            self._requests.append(Request(command.command_id, asked, command.argument))
         else:
             known = ", ".join((*COMMANDS, "gain", "object"))
             text = f"{command.name!r} is no command of a rig; there are {known}"

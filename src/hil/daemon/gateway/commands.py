@@ -9,6 +9,7 @@ from typing import Final
 from hil.daemon.ipc import Channel
 from hil.daemon.records import CommandRecord, ReplyRecord
 from hil.daemon.wire import NAME_BYTES
+from hil.daemon.zenoh_session import client_identity
 from hil.errors import ProtocolError
 from hil.messages import CommandReply, CommandRequest, decode
 
@@ -28,6 +29,7 @@ COMMANDS: Final[dict[str, Argument | None]] = {
     "disarm": None,
     "park": None,
     "stop": None,
+    "finish": None,
     "reset": None,
     "gain": Argument("value", float),
     "record": Argument("on", bool, default=True),
@@ -65,6 +67,8 @@ def parse_command(name: str, payload: bytes | None) -> Command:
         value = request.arguments.get(argument.name, argument.default)
         if not isinstance(value, argument.kind):
             raise ProtocolError(f"{name} needs {argument.name!r}, a {argument.kind.__name__}")
+    if name == "finish":
+        value = client_identity(request.client.encode(), "")
     if isinstance(value, str) and len(value.encode()) > NAME_BYTES:
         raise ProtocolError(f"{name}: {value!r} is longer than {NAME_BYTES} bytes")
     return Command(name, value, request.client[:32])
