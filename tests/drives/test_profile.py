@@ -6,6 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from hil.configfile import load_drive, parse_settings
+from hil.drivefiles import load_profile
+from hil.drives.cia402.profile import Cia402Profile, Expected
 from hil.drives.profile import LustProfile
 from hil.errors import ConfigError
 from tests.drives.exchange import profile_of
@@ -63,3 +65,24 @@ def test_the_cda3000_layout_of_the_manual_can_be_set() -> None:
     """Reference at byte 2 (manual, 5-13); the flags then need another place."""
     layout = profile_of(layout={"value_byte": 2, "flags_byte": 6}).layout
     assert layout.value_byte == 2
+
+
+@pytest.mark.parametrize(
+    ("index", "value", "text"),
+    [
+        (0x607F, 0, None),
+        (0x607E, 256, r"expected: 0x607e:00: .* 256 is no whole number within 0\.\.255"),
+        (0x5FFF, 0, r"expected: 0x5fff:00 is not in .*: take it out"),
+        (0x1008, 0, "is no whole number that can be read"),
+    ],
+)
+def test_what_a_drive_is_expected_to_hold_must_be_in_its_eds_and_fit(index, value, text) -> None:
+    profile = load_profile("cia402")
+    assert isinstance(profile, Cia402Profile)
+    wanted = Expected(index=index, value=value, text="it would not")
+    changed = profile.model_copy(update={"expected": (wanted,)})
+    if text is None:
+        assert changed.with_objects(profile.objects).expected == (wanted,)
+        return
+    with pytest.raises(ConfigError, match=text):
+        changed.with_objects(profile.objects)

@@ -99,6 +99,7 @@ class ForeignDrive:
             (0x6072, DatatypeEnum.UNSIGNED16, "rw", 0),
             (0x6077, DatatypeEnum.INTEGER16, "ro", 0),
             (0x607A, DatatypeEnum.INTEGER32, "rw", 0),
+            (0x607E, DatatypeEnum.UNSIGNED8, "rw", 0),
             (0x607F, DatatypeEnum.UNSIGNED32, "rw", 0),
             (0x6502, DatatypeEnum.UNSIGNED32, "ro", 0x3E0),
         ):

@@ -351,6 +351,18 @@ def test_another_drive_in_its_place_is_refused_by_name_and_taken_when_the_right_
     x.reach(DrivePhase.READY, PowerGoal.RESET)
 
 
+def test_a_drive_whose_setting_would_turn_the_rig_round_is_refused_by_name():
+    x = Exchange()
+    x.drives[0].objects.put((0x607E, 0), 0xC0)
+    x.reach(DrivePhase.FAULT)
+    assert x.named("drive_setting")
+    assert (
+        "has 0xc0 in 0x607e:00 (Polarity), the drive file expects 0x0: positions would" in x.error()
+    )
+    x.drives[0].objects.put((0x607E, 0), 0)
+    x.reach(DrivePhase.READY, PowerGoal.RESET)
+
+
 def test_two_drives_of_one_number_are_never_made_ready():
     """Both would heed our process data, and two actuators move where one is led."""
     x = Exchange()

@@ -153,6 +153,7 @@ class Boot:
 
     def _all(self) -> Steps:
         yield from self._identity()
+        yield from self._expected()
         yield from self._mode()
         for index, sub, value, what in self._wanted.settings:
             yield from self._set(index, sub, value, what)
@@ -189,6 +190,19 @@ class Boot:
         revision = yield from self._read(0x1018, 3)
         if revision != eds.revision:
             self.notes.append(f"has revision {revision:#x}, its EDS is of {eds.revision:#x}")
+
+    def _expected(self) -> Steps:
+        for want in self._wanted.profile.expected:
+            entry = self._wanted.profile.objects[want.index, want.sub]
+            data = yield from self._do(Transfer(want.index, want.sub))
+            found = entry.decode(data)
+            assert isinstance(found, int)  # as a drive file is checked
+            if found != want.value:
+                raise Refused(
+                    "drive_setting",
+                    f"has {found:#x} in {entry}, the drive file expects {want.value:#x}: {want.text}. Set "
+                    "the drive, or correct [[expected]] in its file; then reset",
+                )
 
     def _mode(self) -> Steps:
         modes = yield from self._read(0x6502, 0)

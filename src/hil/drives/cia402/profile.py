@@ -11,8 +11,8 @@ from typing import Annotated, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 
 from hil.config.base import NonNegative, Positive, Settings
-from hil.drives.cia402.objects import ObjectDictionary
-from hil.errors import ConfigError
+from hil.drives.cia402.objects import INTEGERS, ObjectDictionary
+from hil.errors import ConfigError, ProtocolError
 
 Uint16 = Annotated[int, Field(ge=0, le=0xFFFF)]
 Uint32 = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
@@ -116,6 +116,15 @@ class Simulated402(Settings):
     )
 
 
+class Expected(Settings):
+    """An object that must hold a value before the drive may be started: it is read, never written."""
+
+    index: Uint16
+    sub: Annotated[int, Field(ge=0, le=255)] = 0
+    value: int
+    text: str = Field(description="what goes wrong where it holds another")
+
+
 class EmergencyCode(Settings):
     """An emergency error code of the drive."""
 
@@ -135,6 +144,9 @@ class Cia402Profile(Settings):
     supervision: Supervision402
     timing: Timing402 = Timing402()
     simulated: Simulated402 = Simulated402()
+    expected: tuple[Expected, ...] = Field(
+        (), description="what the drive must hold and hil never writes: polarity, gear, feed ..."
+    )
     emergencies: tuple[EmergencyCode, ...] = ()
     objects: ObjectDictionary = Field(
         default_factory=lambda: ObjectDictionary({}), exclude=True, description="the EDS, once read"
@@ -169,6 +181,17 @@ class Cia402Profile(Settings):
                     f"{objects.source}: {objects[index, sub]} has {objects[index, sub].size} bytes, "
                     f"CiA 402 gives it {size}: the EDS is wrong"
                 )
+        for want in self.expected:
+            name = f"{self.name}: expected: {want.index:#06x}:{want.sub:02x}"
+            if (want.index, want.sub) not in objects:
+                raise ConfigError(f"{name} is not in {objects.source}: take it out, or correct it")
+            entry = objects[want.index, want.sub]
+            if not entry.readable or entry.data_type not in INTEGERS:
+                raise ConfigError(f"{name}: {entry} is no whole number that can be read")
+            try:
+                entry.encode(want.value)
+            except ProtocolError as error:
+                raise ConfigError(f"{name}: {error}") from error
         for key in ("vendor", "product"):
             ours, theirs = getattr(self.identity, key), getattr(objects, key)
             if ours is not None and theirs is not None and ours != theirs:
