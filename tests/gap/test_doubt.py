@@ -15,7 +15,7 @@ from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import usually_explained
 from hil.gap.judged import constancy
 from hil.gap.judged.looped import is_spring
-from hil.gap.judged.verdict import _is_unseen, _is_usual
+from hil.gap.judged.verdict import _is_unseen, usual_of
 from hil.gap.record.leaf import Leaf
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
@@ -161,23 +161,39 @@ def test_a_fast_ripple_is_no_noise():
 
 
 @pytest.mark.parametrize(
-    ("names", "values", "same"),
+    ("names", "values", "usual"),
     [
-        (("drives.clock_drift.rate",), (-9e-6,), True),
-        (("drives.clock_drift.rate",), (6e-5,), False),
-        (("drives.clock_drift.rate", "axis.coulomb_friction.force"), (9e-6, 40.0), False),
-        (("axis.lead_error.amplitude", "axis.lead_error.period"), (-2e-6, 0.005), True),
-        (("axis.lead_error.amplitude", "axis.lead_error.period"), (9e-6, 0.005), False),
-        (("axis.lead_error.scale",), (1.02,), False),
+        (("drives.clock_drift.rate",), (-9e-6,), ["drives.clock_drift"]),
+        (("drives.clock_drift.rate",), (6e-5,), []),
+        (
+            ("drives.clock_drift.rate", "axis.coulomb_friction.force"),
+            (9e-6, 40.0),
+            ["drives.clock_drift"],
+        ),
+        (
+            ("axis.lead_error.amplitude", "axis.lead_error.period"),
+            (-2e-6, 0.005),
+            ["axis.lead_error"],
+        ),
+        (("axis.lead_error.amplitude", "axis.lead_error.period"), (9e-6, 0.005), []),
+        (("axis.lead_error.scale",), (1.02,), []),
+        (
+            ("axis.loop_gain.position", "axis.loop_gain.speed", "axis.loop_gain.integral"),
+            (0.979, 1.061, 0.977),
+            ["axis.loop_gain"],
+        ),
+        (("axis.loop_gain.position", "axis.loop_gain.speed"), (0.96, 1.0), []),
+        (("axis.loop_gain.position", "axis.loop_gain.speed"), (1.0, 1.1), []),
     ],
 )
-def test_clocks_and_screws_that_differ_as_any_do_are_no_finding(names, values, same: bool):
+def test_clocks_screws_and_loops_that_differ_as_any_do_are_no_finding(names, values, usual):
     effects = dict.fromkeys(tuple(n.split(".")[:2]) for n in names)
     leaves = tuple(
         Leaf(e, at, tuple(n for n in names if n.startswith(f"{at}.{e}.")), (), None)
         for at, e in effects
     )
-    assert _is_usual(SimpleNamespace(leaves=leaves, names=names, values=np.array(values))) is same
+    f = SimpleNamespace(leaves=leaves, names=names, values=np.array(values))
+    assert [leaf.name for leaf in usual_of(f)] == usual
 
 
 @pytest.mark.parametrize(

@@ -158,3 +158,28 @@ def test_friction_that_builds_up_within_micrometres_is_no_gap_and_is_said():
     assert found.verdict == "no_gap"
     (finding,) = [f for f in found.located.findings if f.subject == "actuators.presliding"]
     assert finding.belongs == [pytest.approx(BENDS_M, rel=0.5)]
+
+
+FINE = load_rig("axis_canopen")
+"""An axis whose encoder shows micrometres."""
+USUAL = (
+    effect("lead_error", amplitude=1.5e-6, period=0.005, phase=0.5),
+    effect("loop_gain", position=0.98, speed=1.03, integral=1.0),
+)
+"""What its screw and the filters of its drive do, as those of any."""
+
+
+def test_a_screw_that_wobbles_and_a_drive_with_filters_are_no_gap():
+    answer = diagnose(record(*USUAL, rig=FINE, duration_s=12.0), FINE)
+    assert answer.verdict == "no_gap"
+    assert "as any are" in answer.sentence
+
+
+def test_beside_them_a_cause_is_named_alone():
+    rubbing = effect("coulomb_friction", force=12.0)
+    answer = diagnose(record(*USUAL, rubbing, rig=FINE, duration_s=12.0), FINE)
+    assert answer.verdict == "identified"
+    assert [x.effect for x in answer.effects] == ["coulomb_friction"]
+    assert answer.causes[0].parameters["force"].value == pytest.approx(12.0, rel=0.15)
+    (told,) = (f for f in answer.located.findings if f.subject == "twin")
+    assert "lead error (period 0.005, amplitude 1.5" in told.text

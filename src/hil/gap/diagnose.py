@@ -16,6 +16,7 @@ import pandas as pd
 
 from hil.config import RigFile
 from hil.gap.catalogue.nuisances import Nuisance
+from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.located.habit import leaves_less, share_of
 from hil.gap.located.habits import DRAWS, LEADS
@@ -23,11 +24,14 @@ from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import check_runs
 from hil.gap.record.lines import CLEAR, UNTOLD, for_lines
+from hil.gap.record.missing import Missing, missing_answers
 from hil.gap.record.runs import as_runs
 from hil.gap.rounds.older import as_it_was
 from hil.gap.rounds.question import Question, Report, nuisances_of
 from hil.gap.rounds.round import Considered, considered
 from hil.gap.rounds.twins import Habits, as_usual, on_springs, with_habits, with_ticks
+from hil.gap.rounds.usual import found as usually_found
+from hil.gap.rounds.usual import with_usual
 from hil.identify.replay import stretches
 from hil.runs import Run
 
@@ -63,7 +67,8 @@ def consider(
     """All that `diagnose` says its verdict on; arguments as there."""
     given, loaded = rig, as_runs(runs, rig)
     healthy = as_runs(references, rig)
-    q = Question(tuple(loaded), without, seed, report or (lambda _: None))
+    missing = Missing() if LOST in without else missing_answers(loaded, healthy)
+    q = Question(tuple(loaded), without, seed, report or (lambda _: None), missing)
     forced = [run for run in (*loaded, *healthy) if run.meta.mode == "force"]
     nats = for_lines(rig, [piece for run in forced for piece in stretches(run)])
     habits: Habits = [(DRAWS, 1.0)] if nats > CLEAR and DRAWS.may(rig) else []
@@ -84,6 +89,9 @@ def consider(
             for habit, share in first.habits:
                 rig, found = habit.twin(rig, share), first.located
             habits += first.habits
+            if first.usual:
+                rig = rig.model_copy(update={"effects": (*rig.effects, *first.usual)})
+                found = locate(healthy, rig, seed=seed)
             if was.verdict != "no_gap":
                 effects, older = as_it_was(rig.effects, was)
                 rig = rig.model_copy(update={"effects": effects})
@@ -99,9 +107,11 @@ def consider(
     if not healthy:
         mine, more = with_habits(q, mine)
         habits += more
+    mine = with_usual(q, mine)
+    own_way = usually_found(mine) if mine.usual else None
     mine, springs = on_springs(q, mine)
     told = [h.found(mine.rig) for h, _ in habits]
-    told += [f for f in (springs, older) if f is not None]
+    told += [f for f in (own_way, springs, older) if f is not None]
     strange = set(check_runs(loaded, mine.rig)) - set(check_runs(loaded, given))
     # what is said of the files kept with runs is said of the file given, not of a twin's
     own = [f for f in mine.located.findings if f not in strange]

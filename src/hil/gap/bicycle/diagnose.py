@@ -23,10 +23,10 @@ from hil.gap.catalogue.nature import RIDER
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
 from hil.gap.fits.evidence import MORE
+from hil.gap.fits.facts import EFFECT as ROUNDED
+from hil.gap.fits.facts import rounded
 from hil.gap.fits.fitted import Fit
 from hil.gap.fits.heldout import Score, score, split, touched
-from hil.gap.fits.rounded import EFFECT as ROUNDED
-from hil.gap.fits.rounded import rounded
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.noise import NoiseModel
 from hil.gap.judged.diagnosis import Cause, Diagnosis

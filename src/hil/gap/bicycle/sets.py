@@ -9,7 +9,6 @@ on are whole: each of their effects explains most of what the others leave.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Final
 
 from hil.gap.catalogue.nuisances import LIMIT
@@ -95,7 +94,7 @@ def _singles(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report)
         if found is not None:
             out.append(found)
     for f in _sprung(c, out, leaves, say):
-        same = [x for x in out if x.leaves == f.leaves]
+        same = [x for x in out if x.is_of(f.leaves)]
         if all(f.total(c) < x.total(c) for x in same):
             out = [*(x for x in out if x not in same), f]
     return out
@@ -152,7 +151,7 @@ def _further(c: Calibrated, head: Fit, search: Search, leaves: Sequence[Leaf]) -
     if left < NATS:
         return []
     have = {x.name for x in head.leaves}
-    rest = Search(replace(c, z=head.z), search.bank, head.white).alone()
+    rest = search.beside(head).alone()
     least = max(PROMISE * left, NATS)
     others = [p for p in rest if leaves[p.leaves[0]].name not in have]
     return [p for p in others if p.gain > least] or others[:BLIND]

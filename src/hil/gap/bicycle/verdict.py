@@ -14,7 +14,7 @@ from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Score, score
 from hil.gap.floor.noise import NoiseModel
-from hil.gap.judged.clear import asked, other_than_steps
+from hil.gap.judged.clear import asked, other_than_facts
 from hil.gap.judged.diagnosis import Cause, Diagnosis
 from hil.gap.judged.doubt import BORNE_OUT, STANDS, chance, least_explained
 from hil.gap.judged.verdict import judge
@@ -159,7 +159,7 @@ def by_energy(found: Diagnosis, measured: NoiseModel) -> Diagnosis:
     if unseen is not None and leaves_as_much(c, best, unseen):
         worth = None if worth is None or worth < BORNE_OUT[0] else worth
     least, twin = max([(OTHERWISE, ""), *twins(c, none, best)])
-    others = other_than_steps(best)
+    others = other_than_facts(best)
     is_sprung = len(others) == 1 and others[0].effect in SPRUNG
     usual = SPRUNG_EXPLAINED if is_sprung else EXPLAINED
     unknown = chance(share, least_explained(worth, usual), least) if others else least

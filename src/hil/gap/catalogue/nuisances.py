@@ -52,6 +52,9 @@ CRYSTALS: Final = 3e-5
 RATE: Final = ".clock_drift.rate"
 WOBBLE_M: Final = 6e-6
 """Amplitude of a lead error that any screw has in each turn, rolled ones too [R]."""
+LOOPS: Final = {"position": 0.03, "speed": 0.08, "integral": 0.12}
+"""Off 1, within which the gains of any drive's loops seem to be: its filters, the time it computes for and a
+current loop that lags change what they do by so much [R]."""
 DRIFT: Final = 0.25
 """Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
 SWITCHED_ON: Final = 1.0

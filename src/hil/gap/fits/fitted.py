@@ -73,6 +73,10 @@ class Fit:
         """What the nuisances' priors cost."""
         return float(0.5 * self.z @ self.z)
 
+    def is_of(self, leaves: Sequence[Leaf]) -> bool:
+        """Whether `leaves`, in whatever order, are its candidates."""
+        return len(leaves) == len(self.leaves) and all(x in leaves for x in self.leaves)
+
 
 def loss(white: Array) -> Array:
     """Half squares that grow ever slower: minus the log of Student's distribution with FREEDOM."""

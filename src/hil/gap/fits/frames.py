@@ -1,4 +1,4 @@
-"""Frames that never arrived: setpoints by what each would have changed, answers by the slots left empty.
+"""Setpoints that never arrived, by what each would have changed.
 
 Which setpoints were lost is not in a record, but each lost one leaves a mark of its own: the drive holds
 where the line would have gone on. The twin is asked for that mark, every so many frames at once; a frame
@@ -45,20 +45,6 @@ SETPOINTS: Final = "bus.lost_frames.setpoints"
 ANSWERS: Final = "bus.lost_frames.answers"
 
 
-def lost_answers(problem: Problem) -> float:
-    """Share of the drives' answers that are missing, by the gaps in their rows."""
-    missing, told = 0.0, 0.0
-    for x in problem.series:
-        if x.actuator == "imu":
-            continue
-        steps = np.diff(problem.t_s[x.part])
-        usual = float(np.median(steps))
-        slots = np.round(steps / usual)
-        missing += float(np.sum(np.maximum(slots - 1.0, 0.0)[slots < 10.0]))
-        told += float(np.sum(slots[slots < 10.0]))
-    return missing / max(told, 1.0)
-
-
 def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
     """`base` without the setpoints that this record says were lost; None where there are hardly any, or
     where all drives lack those of the same cycles."""
@@ -76,13 +62,13 @@ def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
     if count < FEWEST and base.cost(c.train) - float(np.sum(loss(white[c.train]))) < PLAIN[1]:
         return None
     vector = np.array(base.vector)
-    (share, frames), missing = _share(problem, lost, plain), lost_answers(problem)
+    share, frames = _share(problem, lost, plain)
     vector[problem.table.index(SETPOINTS)] = share
     leaf = Leaf(EFFECT, "bus", (SETPOINTS, ANSWERS), (Start({}, ()),), None)
-    sd = np.array([np.sqrt(share / frames), np.sqrt(max(missing, 1e-4) / frames)])
+    sd = np.array([np.sqrt(share / frames), 0.0])
     return replace(
         base, leaves=(*base.leaves, leaf), names=(*base.names, SETPOINTS, ANSWERS),
-        values=np.append(base.values, [share, missing]), search_sd=np.append(base.search_sd, sd),
+        values=np.append(base.values, [share, 0.0]), search_sd=np.append(base.search_sd, sd),
         vector=vector, residual=residual, white=white,
         extra_cost=base.extra_cost + ODDS * count,
     )  # fmt: skip

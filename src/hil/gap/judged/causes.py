@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hil.gap.catalogue.nuisances import CRYSTALS, RATE
 from hil.gap.fits.evidence import ALIKE, Weighed, distance
+from hil.gap.fits.facts import is_fact
 from hil.gap.fits.fitted import Calibrated, Fit, calibrated
 from hil.gap.fits.frames import ANSWERS, SETPOINTS, fit_lost_frames
 from hil.gap.fits.frames import EFFECT as LOST
@@ -46,7 +47,7 @@ class Shown:
 
     def score(self, f: Fit, signals: Sequence[str]) -> Score:
         """Of a fit on held-out samples."""
-        if any(leaf.effect == LOST for leaf in f.leaves):
+        if any(leaf.effect == LOST and not is_fact(leaf) for leaf in f.leaves):
             after = self._without_lost(f)
             return score(
                 self.e.problem, self.e.noise, self.before, after, self.held, signals, self.rng

@@ -9,10 +9,11 @@ from typing import Final
 
 from hil.gap.catalogue.nature import ALWAYS
 from hil.gap.fits.evidence import SAME, Weighed, distance
+from hil.gap.fits.facts import EFFECT as ROUNDED
+from hil.gap.fits.facts import is_fact
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.heldout import Score, touched, traces
-from hil.gap.fits.rounded import EFFECT as ROUNDED
 from hil.gap.fits.shares import explained
 from hil.gap.record.leaf import Leaf
 from hil.gap.search.joint import goes_further
@@ -74,9 +75,9 @@ def asked(c: Calibrated) -> Asked:
     return COUNTED if c.problem.discount > 1.0 else IN_FULL
 
 
-def other_than_steps(f: Fit) -> tuple[Leaf, ...]:
-    """Effects of a fit that are no steps of a signal: those are read from its values and no question."""
-    return tuple(leaf for leaf in f.leaves if leaf.effect != ROUNDED)
+def other_than_facts(f: Fit) -> tuple[Leaf, ...]:
+    """Effects of a fit that are a question: no steps of a signal, no answers that are missing."""
+    return tuple(leaf for leaf in f.leaves if not is_fact(leaf))
 
 
 def clear(
@@ -95,12 +96,12 @@ def clear(
     what that leaves. Where the best is a trifle itself, the others must be clear beside it. Beside steps of a
     signal, what else there may be must explain what a verdict must.
     """
-    by_names = {_names(w.fit): w for w in weighed}
+    by_names = {_names(w.fit): w for w in reversed(weighed)}
     likely = sorted(weighed, key=lambda w: -w.log_evidence)
 
     def adds(w: Weighed, base: frozenset[str]) -> bool:
         f, log = (by_names[base].fit, by_names[base].log_evidence) if base else (none, zero)
-        leaves = [x for x in other_than_steps(w.fit) if x.name not in base]
+        leaves = [x for x in other_than_facts(w.fit) if x.name not in base]
         gain, trace = w.log_evidence - log, _trace(c, f, w.fit)
         saved = f.prior_cost - w.fit.prior_cost
         share = partial(explained, c, f, w.fit)
@@ -116,7 +117,7 @@ def clear(
         return part.before > floors * part.floor and (part.shrink or 0.0) > share
 
     def isclear(w: Weighed) -> bool:
-        others, names = other_than_steps(w.fit), _names(w.fit)
+        others, names = other_than_facts(w.fit), _names(w.fit)
         if others and len(others) < len(names) and explained(c, none, w.fit) < EXPLAINED:
             return False
         if len(names) == 1:

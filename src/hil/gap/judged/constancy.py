@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nature import DRAG, WAVES
+from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.fit import sensitivities
 from hil.gap.fits.fitted import Calibrated, Fit, spread_of
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.friction import FRICTION
-from hil.gap.fits.rounded import EFFECT as ROUNDED
 from hil.gap.fits.shares import most_left
 from hil.gap.fits.starts import changes_of
 from hil.gap.record.leaf import Leaf
@@ -142,7 +142,7 @@ def _others(c: Calibrated, f: Fit, bank: Bank) -> list[Array]:
         is_third = leaf.effect in FRICTION and leaf.location in more and _is_less(c, leaf, p)
         return leaf.name not in own and not is_third
 
-    found = Search(replace(c, z=f.z), bank, f.white).alone()
+    found = Search(c, bank).beside(f).alone()
     out = []
     for p in [p for p in found if is_other(p)][:OTHERS]:
         ((start, _),) = p.starts

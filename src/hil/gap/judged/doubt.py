@@ -19,7 +19,7 @@ from hil.gap.catalogue.nature import EVENTS, FLANKS, MOMENTS, WAVES
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import RARE, explained, largest_ratio, usually_explained
-from hil.gap.judged.clear import EXPLAINED, asked, other_than_steps
+from hil.gap.judged.clear import EXPLAINED, asked, other_than_facts
 from hil.gap.judged.constancy import Variation, variation
 from hil.gap.judged.looped import is_spring
 from hil.gap.record.leaf import Leaf
@@ -82,7 +82,7 @@ def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
     Where `gain` is decisive, what a fit leaves tells noise better than a record's fastest part. Where
     a gap is hidden in nuisances, it is the share of what they had to go.
     """
-    if not other_than_steps(f):
+    if not other_than_facts(f):
         return 1.0
     saved = none.prior_cost - f.prior_cost
     hidden = saved / none.prior_cost if is_hidden(c, none, f) else 0.0
@@ -105,7 +105,7 @@ def doubt(
 ) -> tuple[float, Variation | None]:
     """The chance, and the variation of a parameter where that is what tells; what acts once varies with
     nothing."""
-    others = other_than_steps(f)
+    others = other_than_facts(f)
     other = by_share(told.share, told.gain)
     if is_beyond(others, f):
         other = max(other, AT_BOUND)

@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nature import EVENTS, MOMENTS
-from hil.gap.catalogue.nuisances import CRYSTALS, WOBBLE_M
+from hil.gap.catalogue.nuisances import CRYSTALS, LOOPS, WOBBLE_M
 from hil.gap.fits.evidence import weigh
+from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.fitted import Calibrated, Fit
+from hil.gap.fits.frames import ANSWERS
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.heldout import Score
-from hil.gap.fits.rounded import EFFECT as ROUNDED
 from hil.gap.fits.shares import largest_ratio
 from hil.gap.judged.causes import Shown, weighed_causes, without_doubtful
-from hil.gap.judged.clear import asked, clear, signals
+from hil.gap.judged.clear import asked, clear, other_than_facts, signals
 from hil.gap.judged.constancy import Variation
 from hil.gap.judged.diagnosis import Cause, Diagnosis, Verdict
 from hil.gap.judged.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share, is_hidden
@@ -121,10 +122,13 @@ def answer(
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
     share = explained_share(c, none, first, gain)
-    if _is_usual(first) and is_large and by_share(share, gain) > 0.5:
+    usual = usual_of(first)
+    if len(usual) == len(first.leaves) and is_large and by_share(share, gain) > 0.5:
         return replace(_nothing_like_it(located, held_out), not_excited=not_excited(c, bank))
-    if _is_usual(first):
-        sentence = "No gap but clocks within 30 ppm and screws within 6 µm, as any are."
+    if len(usual) == len(first.leaves):
+        sentence = (
+            "No gap but clocks, screws and loops that are off as any are (30 ppm, 6 µm, 3 %)."
+        )
         found = replace(no_gap(located, held_out), sentence=sentence)
         return replace(found, not_excited=not_excited(c, bank))
     part = unseen(first)
@@ -142,12 +146,23 @@ def answer(
     )
     if is_chance and not is_told:
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
-    causes = weighed_causes(c, none, weighed, worth, unknown, zero, shown)
+    healthy = {leaf.name for leaf in usual}
+    causes = tuple(
+        x for x in weighed_causes(c, none, weighed, worth, unknown, zero, shown)
+        if f"{x.location}.{x.effect}" not in healthy
+    )  # fmt: skip
     chosen = tuple(
         next(x for x in causes if (x.effect, x.location) == (leaf.effect, leaf.location))
         for leaf in first.leaves
+        if leaf not in usual
     )
-    verdict, sentence = judge(chosen, causes, unknown, part.shrink, varies)
+    shrink = part.shrink if other_than_facts(first) else None
+    verdict, sentence = judge(chosen, causes, unknown, shrink, varies)
+    lost = dict(zip(first.names, first.values.tolist(), strict=True)).get(ANSWERS, 0.0)
+    if lost:
+        sentence += f" Of the drives' answers {100.0 * lost:.2g} % never came."
+    if usual and verdict != "unknown":
+        sentence += f" Beside that {_names(usual)}, no larger than any healthy rig's."
     return Diagnosis(
         located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
         part, whole, held_out, not_excited(c, bank, first), first, none, c,
@@ -173,18 +188,21 @@ def _loudest(located: Located) -> Place | None:
     return max(loud, key=lambda p: loud[p], default=None)
 
 
-def _is_usual(f: Fit) -> bool:
-    """Whether all that a fit says is that two clocks differ, or screws wobble, as any do."""
+def usual_of(f: Fit) -> list[Leaf]:
+    """Effects of a fit that are no more than what any rig has: two clocks differ, a screw wobbles, a drive
+    has filters."""
     values: dict[str, float] = dict(zip(f.names, f.values.tolist(), strict=True))
 
     def is_usual(leaf: Leaf) -> bool:
         mine = {n.rpartition(".")[2]: v for n, v in values.items() if n in leaf.parameters}
         if leaf.effect == "clock_drift":
             return abs(mine["rate"]) < CRYSTALS
+        if leaf.effect == "loop_gain":
+            return all(abs(v - 1.0) < LOOPS[k] for k, v in mine.items())
         is_wave = leaf.effect == "lead_error" and "scale" not in mine
         return is_wave and abs(mine.get("amplitude", math.inf)) < WOBBLE_M
 
-    return all(map(is_usual, f.leaves))
+    return [leaf for leaf in f.leaves if is_usual(leaf)]
 
 
 def _is_once(c: Calibrated, f: Fit, gain: float) -> bool:
@@ -220,6 +238,10 @@ def _surely(s: SignalGap) -> float:
     return s.before_ci[0] / s.noise_floor if s.noise_floor > 0.0 else 0.0
 
 
+def _names(some: Sequence[Leaf | Cause]) -> str:
+    return " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in some)
+
+
 def judge(
     chosen: Sequence[Cause],
     causes: Sequence[Cause],
@@ -228,7 +250,7 @@ def judge(
     varies: Variation | None = None,
 ) -> tuple[Verdict, str]:
     """Verdict and sentence for the best set `chosen` among all `causes`; `varies`: what speaks against it."""
-    names = " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in chosen)
+    names = _names(chosen)
     if unknown > 0.5 and varies is not None:
         return "unknown", (
             f"A gap that nothing in the catalogue explains; the nearest is {names}, but what it takes is not "

@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 
 from hil.gap.fits.evidence import weigh
+from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import EFFECT as LOST
-from hil.gap.fits.rounded import EFFECT as ROUNDED
 from hil.gap.floor.noise import find_noise, projected
 from hil.gap.judged.clear import asked
 from hil.gap.located.locate import evidence_of, located

@@ -9,6 +9,7 @@ from hil.config import RigFile
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
+from hil.gap.record.missing import Missing
 from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import Clocks
 from hil.runs import Run
@@ -26,6 +27,8 @@ class Question:
     seed: int
     say: Report
     """Told each step."""
+    missing: Missing
+    """The drives' answers that never came."""
     healthy: Located | None = None
     """What was located on references."""
     known: tuple[Nuisance, ...] | None = None

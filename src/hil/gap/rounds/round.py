@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config import RigFile
+from hil.config import Effect, RigFile
 from hil.gap.catalogue.bank import Bank
 from hil.gap.fits.evidence import weigh
+from hil.gap.fits.facts import missed, rounded
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Split, split
-from hil.gap.fits.rounded import rounded
 from hil.gap.fits.shares import RARE, explained, most_left
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.rounding import coarse_steps
@@ -21,6 +21,7 @@ from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.judged.verdict import answer, stands
 from hil.gap.located.habit import Habit
 from hil.gap.located.result import Located
+from hil.gap.record.missing import Missing
 from hil.gap.rounds.calmer import calmed
 from hil.gap.rounds.glimpsed import again, is_promising, may_be_nothing
 from hil.gap.rounds.question import Question
@@ -43,8 +44,12 @@ class Considered:
     """Which samples fits saw."""
     is_large: bool
     """Whether the gap stands by itself, whatever explains it."""
+    missing: Missing
+    """The drives' answers that never came."""
     habits: tuple[tuple[Habit, float], ...] = ()
     """What the rig was found to have or do, unlike the rig file, and how much of it."""
+    usual: tuple[Effect, ...] = ()
+    """Effects that the twin has because any rig has so much of them."""
 
     @property
     def rig(self) -> RigFile:
@@ -59,8 +64,8 @@ class Considered:
     def answer(self, seed: int = 0) -> Diagnosis:
         """The verdict on it."""
         return answer(
-            self.located, self.calibrated, self.fits, self.bank, self.held, self.parts.text, seed,
-            self.is_large,
+            self.located, self.calibrated, missed(self.fits, self.missing), self.bank, self.held,
+            self.parts.text, seed, self.is_large,
         )  # fmt: skip
 
     def explains_all(self) -> bool:
@@ -91,7 +96,7 @@ def considered(q: Question, located: Located, parts: Split | None = None) -> Con
         fits = fitted_again(c, none, fits, bank, q.without, q.say)
     if steps:
         fits = rounded(c, fits, steps)
-    return Considered(located, c, tuple(fits), bank, parts, is_large)
+    return Considered(located, c, tuple(fits), bank, parts, is_large, q.missing)
 
 
 def glimpsed(q: Question, mine: Considered, twin: RigFile) -> tuple[bool, bool]:

@@ -90,7 +90,7 @@ def fitted_again(
     best = min(seen, key=lambda f: f.total(c))
     if len(best.leaves) > 1 or not is_whole(c, best, RARE):
         fits = _bettered(c, fit_candidates(c, none, bank, without, say), seen)
-        if all(f.leaves != best.leaves for f in fits if f is not best):
+        if not any(f.is_of(best.leaves) for f in fits if f is not best):
             say("fitting " + " + ".join(x.name for x in best.leaves) + " once more")
             again = fit(c, best.leaves, relative(c, best), best.z)
             fits = fits if again is None else _bettered(c, fits, [again])
@@ -104,7 +104,7 @@ def _bettered(c: Calibrated, fits: Sequence[Fit], found: Sequence[Fit]) -> list[
     """`fits` and each of those `found`, in the place of those of the same effects where it is better."""
     out = list(fits)
     for f in found:
-        same = [x for x in out if x.leaves == f.leaves]
+        same = [x for x in out if x.is_of(f.leaves)]
         if all(f.total(c) < x.total(c) for x in same):
             out = [*(x for x in out if all(x is not y for y in same)), f]
     return out

@@ -35,6 +35,10 @@ NEARLY: Final = 0.7
 """Of what an effect of the best set explains alone, what another must to be tried in its place; and of its
 trace, by how much less the two must differ."""
 SWAPS: Final = 3
+AS_GOOD: Final = 0.9
+"""Of what an effect of the best set takes beside its others in the linear picture, above which that hardly
+tells another from it: up to MOST of those are fitted in its place."""
+MOST: Final = 6
 TOGETHER: Final = 12
 """Best single candidates of which every two are looked at together in the linear picture."""
 ADDS: Final = 0.4
@@ -79,6 +83,7 @@ def joint_fits(
         if not out:
             new += _unseen_pairs(c, fits, new, search, leaves, say)
         new += _swapped(c, fits, singles, new, say)
+        new += _as_good(c, [*fits[1:], *out, *new], new, search, leaves, say)
         out += new
         least = min(_cost(c, f) for f in heads)
         heads = sorted((f for f in new if _cost(c, f) < least), key=lambda f: _cost(c, f))[:1]
@@ -185,6 +190,44 @@ def _swapped(
     return out
 
 
+def _as_good(
+    c: Calibrated,
+    fits: Sequence[Fit],
+    new: Sequence[Fit],
+    search: Search,
+    leaves: Sequence[Leaf],
+    say: Report,
+) -> list[Fit]:
+    """The best of `new` sets with one effect exchanged for what the linear picture cannot tell from it beside
+    the others: what looks best alone need not be what is there."""
+    best = min(new, key=lambda f: _cost(c, f), default=None)
+    if best is None:
+        return []
+    tries = []
+    for leaf in best.leaves:
+        others = [x for x in best.leaves if x is not leaf]
+        head = min((f for f in fits if f.is_of(others)), key=lambda f: _cost(c, f), default=None)
+        if head is None:
+            continue
+        rest = search.beside(head).alone()
+        own = next((p.gain for p in rest if leaves[p.leaves[0]].name == leaf.name), np.inf)
+        tries += [
+            (head, x, p) for p in rest if p.gain > AS_GOOD * own
+            and may_join(x := leaves[p.leaves[0]], head.leaves)
+            and not any(f.is_of((*head.leaves, x)) for f in fits)
+        ]  # fmt: skip
+    out: list[Fit] = []
+    for head, x, p in tries[:MOST]:
+        start = search.felt(changes_of([x], p.starts, c.problem))
+        if not start:
+            continue
+        say("fitting " + " + ".join(y.name for y in (*head.leaves, x)))
+        joint = fit(c, (*head.leaves, x), {**relative(c, head), **start}, p.z)
+        if joint is not None and is_itself(c, joint) and adds(c, fits, joint):
+            out.append(joint)
+    return out
+
+
 def _is_near(c: Calibrated, none: Fit, f: Fit, x: Fit) -> bool:
     """Whether `x` explains nearly as much as `f` does, and nearly the same."""
     gain, other = _cost(c, none) - _cost(c, f), _cost(c, none) - _cost(c, x)
@@ -237,7 +280,7 @@ def _proposed(
     out: dict[frozenset[str], tuple[Fit, Proposal]] = {}
     for head, count in zip(heads, (PAIRS, PAIRS - 1), strict=False):
         least = max(PROMISE * above_noise(c, head), NATS)
-        rest = Search(replace(c, z=head.z), search.bank, head.white).alone()
+        rest = search.beside(head).alone()
         able = [p for p in rest if p.gain > least and may_join(leaves[p.leaves[0]], head.leaves)]
         limits = [
             p for p in rest if leaves[p.leaves[0]].effect in LIMITS and NATS < p.gain <= least

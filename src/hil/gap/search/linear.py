@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -19,7 +20,7 @@ from scipy.optimize import lsq_linear
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nature import LIMITS, NEAR, ONE_SIDED
 from hil.gap.catalogue.nuisances import LIMIT
-from hil.gap.fits.fitted import Calibrated, loss, weight
+from hil.gap.fits.fitted import Calibrated, Fit, loss, weight
 
 Array = NDArray[np.float64]
 
@@ -55,12 +56,9 @@ _Found = tuple[Proposal, Array, Array]
 class Search:
     """The bank of a calibrated problem as inner products."""
 
-    def __init__(self, c: Calibrated, bank: Bank, white: Array | None = None) -> None:
+    def __init__(self, c: Calibrated, bank: Bank) -> None:
         self.bank = bank
         rows = c.train
-        self._white = (c.white if white is None else white)[rows]
-        self._spread = max(1.0, 1.4826 * float(np.median(np.abs(self._white))))
-        self._before = float(np.sum(loss(self._white / self._spread)))
         self._A = c.jacobian[rows]
         # One column after the other in memory: sets of few columns are what is asked for.
         T = np.empty((int(rows.sum()), bank.columns.shape[1]), dtype=np.float32, order="F")
@@ -69,26 +67,39 @@ class Search:
             T[:, first : first + 32] = c.noise.whiten(c.problem, part)[rows]
         self._T = T
         wild = c.noise.spikes(c.problem, c.residual)[rows]
-        r = np.clip(self._white, -CUT, CUT)
-        r[wild] = 0.0
-        A = np.where(wild[:, None], 0.0, self._A)
-        raw = (T.T @ T - T[wild].T @ T[wild]).astype(float)
-        self.raw: Array = np.diag(raw)
+        self._calm = np.where(wild[:, None], 0.0, self._A)
+        self._raw = (T.T @ T - T[wild].T @ T[wild]).astype(float)
+        self.raw: Array = np.diag(self._raw)
         """(M,) squared whitened size of each column before the nuisances took their part."""
-        inner = (T.T @ r.astype(np.float32)).astype(float)
-        cross = (A.T.astype(np.float32) @ T).astype(float)
-        self._z = c.z
+        self._cross = (self._calm.T.astype(np.float32) @ T).astype(float)
         self._held = c.problem.discount
-        self._inner, self._cross, self._raw = inner, cross, raw
-        self._own = (A.T @ A, A.T @ r)
-        free = np.abs(c.z) < LIMIT - 1e-3
+        self._rows, self._wild = rows, wild
+        self._look(c.white, c.z)
+
+    def beside(self, f: Fit) -> Search:
+        """The same columns beside what a fit leaves."""
+        out = copy(self)
+        out._look(f.white, f.z)
+        return out
+
+    def _look(self, white: Array, z: Array) -> None:
+        """Take a whitened residual (N,), left with the nuisances `z` (K,), for what is to be explained."""
+        self._white, self._z = white[self._rows], z
+        self._spread = max(1.0, 1.4826 * float(np.median(np.abs(self._white))))
+        self._before = float(np.sum(loss(self._white / self._spread)))
+        r = np.clip(self._white, -CUT, CUT)
+        r[self._wild] = 0.0
+        A, cross, raw = self._calm, self._cross, self._raw
+        inner = (self._T.T @ r.astype(np.float32)).astype(float)
+        self._inner, self._own = inner, (A.T @ A, A.T @ r)
+        free = np.abs(z) < LIMIT - 1e-3
         # Nuisances at their bounds would go on outwards, or come back once an effect is there: both are seen.
         self._pictures: list[tuple[Array, Array, Array]] = []
         for some in (free, np.ones_like(free)) if not free.all() else (free,):
             part = A[:, some]
             H = part.T @ part + self._held * np.eye(part.shape[1])
             AT = cross[some]
-            S = np.linalg.solve(H, np.column_stack([AT, part.T @ r - self._held * c.z[some]]))
+            S = np.linalg.solve(H, np.column_stack([AT, part.T @ r - self._held * z[some]]))
             moves = np.zeros((len(free), S.shape[1]))
             moves[some] = S
             self._pictures.append((raw - AT.T @ S[:, :-1], inner - AT.T @ S[:, -1], moves))
