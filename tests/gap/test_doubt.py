@@ -224,12 +224,24 @@ def doubted(
     leaf = Leaf(effect, "axis", (f"axis.{effect}.size",), (), "axis")
     f = SimpleNamespace(leaves=(leaf,), at_bound=(), names=(), values=np.array([]))
     told = module.Told(share, gain, Score(("axis.force",), 1.0, after, 0.5, shrink, None))
-    return module.doubt(None, None, f, told, None, 1.0)[0]
+    c = SimpleNamespace(problem=SimpleNamespace(discount=20.0))
+    return module.doubt(c, None, f, told, None, 1.0)[0]
 
 
 @pytest.mark.parametrize(("after", "is_doubtful"), [(1.0, False), (1.04, False), (1.1, True)])
 def test_what_leaves_unseen_data_further_off_is_not_there(monkeypatch, after, is_doubtful):
     assert (doubted(monkeypatch, 0.98, 300.0, after, None) > 0.5) is is_doubtful
+
+
+@pytest.mark.parametrize(
+    ("gain", "effect", "is_doubtful"),
+    [(300.0, "backlash", False), (60.0, "backlash", True), (300.0, "compliance", True)],
+)
+def test_flanks_that_meet_beyond_doubt_meet_elsewhere_in_unseen_data(
+    monkeypatch, gain, effect, is_doubtful
+):
+    for shrink in (None, -0.6):
+        assert (doubted(monkeypatch, 0.6, gain, 1.3, shrink, effect) > 0.5) is is_doubtful
 
 
 @pytest.mark.parametrize(("shrink", "is_doubtful"), [(0.97, False), (0.85, True)])

@@ -263,8 +263,10 @@ def judge(
     far = (
         "" if shrink is None else f" It takes {100.0 * shrink:.0f} % of the gap off held-out data."
     )
-    if shrink is not None and shrink < HARDLY:
+    if shrink is not None and 0.0 <= shrink < HARDLY:
         far = f" Held-out data show little of it ({100.0 * shrink:.0f} % of their gap goes)."
+    if shrink is not None and shrink < 0.0:
+        far = " Held-out data stand further from the twin with it than without."
     if min(x.probability for x in chosen) / (1.0 - unknown) >= SURE:
         return "identified", f"The gap comes from {names}.{far}"
     others = [x for x in causes if x not in chosen and x.probability > 0.05]
