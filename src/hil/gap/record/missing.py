@@ -18,8 +18,8 @@ NEARLY: Final = 0.25
 FEWEST: Final = 8
 """Answers missing from which on it is no chance that they are."""
 SOME: Final = 0.001
-"""Share of them from which on a bus loses some [no record of 328 of three worlds of others of which none was
-lost lacks more than half of that, nor one answer in a thousand]."""
+"""Share of them from which on a bus loses some [of 328 cases of four worlds of others, none of which lost
+any, none lacks half as many]."""
 
 
 @dataclass(frozen=True, slots=True)
