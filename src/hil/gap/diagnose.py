@@ -108,7 +108,8 @@ def consider(
         mine, more = with_habits(q, mine)
         habits += more
     mine = with_usual(q, mine)
-    own_way = usually_found(mine) if mine.usual else None
+    any_has = mine.usual
+    own_way = usually_found(mine) if any_has else None
     mine, springs = on_springs(q, mine)
     told = [h.found(mine.rig) for h, _ in habits]
     told += [f for f in (own_way, springs, older) if f is not None]
@@ -116,7 +117,7 @@ def consider(
     # what is said of the files kept with runs is said of the file given, not of a twin's
     own = [f for f in mine.located.findings if f not in strange]
     located = replace(mine.located, findings=(*own, *told))
-    return replace(mine, located=located, habits=tuple(habits))
+    return replace(mine, located=located, habits=tuple(habits), usual=any_has)
 
 
 def as_found(found: Located, priors: Sequence[Nuisance]) -> list[Nuisance]:
