@@ -182,4 +182,4 @@ def test_beside_them_a_cause_is_named_alone():
     assert [x.effect for x in answer.effects] == ["coulomb_friction"]
     assert answer.causes[0].parameters["force"].value == pytest.approx(12.0, rel=0.15)
     (told,) = (f for f in answer.located.findings if f.subject == "twin")
-    assert "lead error (period 0.005, amplitude 1.5" in told.text
+    assert "lead error (period 0.005 m, amplitude 1.5" in told.text

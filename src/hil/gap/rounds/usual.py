@@ -6,6 +6,7 @@ cause must explain most of a gap. It is no finding (`hil.gap.judged.verdict`), w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -17,6 +18,7 @@ from hil.gap.located.sanity import Finding
 from hil.gap.record.leaf import Leaf
 from hil.gap.rounds.question import Question
 from hil.gap.rounds.round import Considered, considered
+from hil.units import with_unit
 
 FINE: Final = frozenset({"lead_error", "loop_gain"})
 """Effects of which that is so."""
@@ -32,9 +34,7 @@ def with_usual(q: Question, mine: Considered) -> Considered:
         own = [_line(best, leaf) for leaf in usual_of(best) if leaf.effect in FINE]
         if not own or len(usual_of(best)) == len(best.leaves):
             break
-        q.say(
-            "once more with " + " and ".join(_named(x) for x in own) + ", no larger than any rig's"
-        )
+        q.say(f"once more with {_named(mine, own)}, no larger than any rig's")
         known = {(x.effect, x.location) for x in own}
         old, clocks = mine.rig.effects, mine.located.evidence.problem.clocks
         effects = (*(x for x in old if (x.effect, x.location) not in known), *own)
@@ -47,10 +47,10 @@ def with_usual(q: Question, mine: Considered) -> Considered:
 
 def found(mine: Considered) -> Finding:
     """What the reader must know where the twin has something so."""
-    named = " and ".join(f"{_named(x)} at {x.location}" for x in mine.usual)
     return Finding(
         "info", "twin",
-        f"has {named}, as the records show, no larger than any healthy rig's: what is shown is that twin's",
+        f"has {_named(mine, mine.usual)}, as the records show, no larger than any healthy rig's: what is "
+        "shown is that twin's",
     )  # fmt: skip
 
 
@@ -63,6 +63,13 @@ def _line(f: Fit, leaf: Leaf) -> Effect:
     return Effect(effect=leaf.effect, location=leaf.location, parameters=values)
 
 
-def _named(x: Effect) -> str:
-    values = ", ".join(f"{k} {v:.3g}" for k, v in x.parameters.items())
-    return f"{x.effect.replace('_', ' ')} ({values})"
+def _named(mine: Considered, effects: Sequence[Effect]) -> str:
+    table = mine.calibrated.problem.table
+
+    def values(x: Effect) -> str:
+        units = {k: table[f"{x.location}.{x.effect}.{k}"].unit for k in x.parameters}
+        return ", ".join(with_unit(f"{k} {v:.3g}", units[k]) for k, v in x.parameters.items())
+
+    return " and ".join(
+        f"{x.effect.replace('_', ' ')} ({values(x)}) at {x.location}" for x in effects
+    )

@@ -198,8 +198,8 @@ def _as_good(
     leaves: Sequence[Leaf],
     say: Report,
 ) -> list[Fit]:
-    """The best of `new` sets with one effect exchanged for what the linear picture cannot tell from it beside
-    the others: what looks best alone need not be what is there."""
+    """The best of `new` sets with one effect exchanged for what the linear picture hardly tells from it
+    beside the others: what looks best alone need not be what is there."""
     best = min(new, key=lambda f: _cost(c, f), default=None)
     if best is None:
         return []
