@@ -77,17 +77,35 @@ def test_a_wheel_that_counts_backward(round_trip):
     assert "counts forward as negative" in faults(round_trip, changed(rear_wheel=-1.0))
 
 
-def test_a_counter_that_runs_over_is_put_together_again(round_trip):
+@pytest.mark.parametrize("counts", [2**8, 2**10, 2400, 2**16])
+def test_a_counter_that_runs_over_is_put_together_again(round_trip, counts):
     whole = ride_of(round_trip)
+    size = counts * 2.0 * np.pi / round_trip.rig.sensors.steps_per_turn
 
     def spoil(table):
-        table["rear_wheel"] = np.mod(table["rear_wheel"] + 1.0, 27.0 * 2.0 * np.pi)
+        table["rear_wheel"] = np.mod(table["rear_wheel"] + 1.0, size)
         return table
 
     mended = ride_of(round_trip, spoil)
     assert [f.check for f in mended.findings] == ["rollover"]
-    assert "ran over 2 times" in mended.findings[0].text
-    assert np.abs(mended.angles[:, 1] - whole.angles[:, 1]).max() < 0.2
+    rolled = round_trip.table["rear_wheel"].dropna().to_numpy()
+    times = int((rolled[-1] + 1.0) / size) - int((rolled[0] + 1.0) / size)
+    assert f"ran over {times} times" in mended.findings[0].text
+    assert np.abs(mended.angles[:, 1] - whole.angles[:, 1]).max() < 1e-9
+
+
+def test_a_wheel_that_is_pushed_back_a_little_is_no_counter(round_trip):
+    whole = ride_of(round_trip)
+
+    def spoil(table):
+        angle, t = table["rear_wheel"], table["t"]
+        for at, back in ((10.0, 0.3), (20.0, 0.5)):
+            table["rear_wheel"] = angle = angle.where(t < at, angle - back)
+        return table
+
+    pushed = ride_of(round_trip, spoil)
+    assert not any(f.check == "rollover" for f in pushed.findings)
+    assert whole.angles[-1, 1] - pushed.angles[-1, 1] == pytest.approx(0.8, abs=1e-6)
 
 
 def test_saturation_is_told_with_its_time(round_trip):

@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 SHORTEST_S: Final = 2.0
 GAP_PERIODS: Final = 5.0
 """Samples missing for so many periods are told: what happened in between is a straight line then."""
+FALLS: Final = 0.5
+"""Of the wheel's usual way in a period: what falls back by more is no bicycle that rolls."""
+ALIKE: Final = 0.1
+"""Share of a counter's range by which its falls may seem to differ, for the wheel's own way is guessed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,18 +111,21 @@ def _rolled(series: Series, rig: BicycleFile, findings: list[Finding], source: s
     typical = float(np.median(np.abs(steps))) + 2.0 * np.pi / rig.sensors.steps_per_turn
     gap = np.diff(t) > GAP_PERIODS / rig.rate  # what happened there is told apart
     jumps = np.flatnonzero((np.abs(steps) > max(50.0 * typical, 1.0)) & ~gap)
+    back = _fallen_back(steps, gap, rig)
+    if len(back) > len(jumps):
+        jumps = back
     if jumps.size:
         sizes = steps[jumps]
-        if np.ptp(np.abs(sizes)) > 20.0 * typical + 0.2:
+        rest = np.setdiff1d(np.arange(len(steps)), jumps)
+        way = np.sign(sizes)
+        lost = way * (sizes - np.interp(jumps, rest, steps[rest]))
+        if np.ptp(lost) > 20.0 * typical + 0.2:
             row = int(jumps[0])
             raise RunError(
                 f"{source}: column rear_wheel: jumps by {sizes[0]:.4g} rad at {t[row + 1]:.3f} s and by "
                 "other amounts elsewhere: no counter runs over like that; lost counts or a loose encoder?"
             )
-        rest = np.setdiff1d(np.arange(len(steps)), jumps)
-        way = np.sign(sizes)
-        beside = np.interp(jumps, rest, steps[rest])
-        size = _counter_range(float(np.median(way * (sizes - beside))), rig)
+        size = _counter_range(float(np.median(lost)), rig)
         corrected = steps.copy()
         corrected[jumps] -= way * size
         angle = np.concatenate([[angle[0]], angle[0] + np.cumsum(corrected)])
@@ -133,6 +140,23 @@ def _rolled(series: Series, rig: BicycleFile, findings: list[Finding], source: s
             "rolled backward, or the encoder counts forward as negative (forward is positive)"
         )
     return t, angle
+
+
+def _fallen_back(steps: Array, gap: Array, rig: BicycleFile) -> NDArray[np.intp]:
+    """Where a counter of short range ran over: the wheel rolls on and its angle falls back, each time by as
+    much. Empty where that is no counter's doing."""
+    step = 2.0 * np.pi / rig.sensors.steps_per_turn
+    rolling = float(np.median(steps[~gap])) if not gap.all() else 0.0
+    if abs(rolling) < step:
+        return np.empty(0, dtype=np.intp)
+    fell = np.sign(rolling) * steps < -(FALLS * abs(rolling) + 2.0 * step)
+    at = np.flatnonzero(fell & ~gap)
+    if at.size < 2 or at.size > 0.5 * len(steps):
+        return np.empty(0, dtype=np.intp)
+    rest = np.setdiff1d(np.arange(len(steps)), at)
+    lost = np.abs(steps[at] - np.interp(at, rest, steps[rest]))
+    alike = np.abs(lost - np.median(lost)) < ALIKE * np.median(lost) + 2.0 * step
+    return at if alike.all() else np.empty(0, dtype=np.intp)
 
 
 def _counter_range(seen: float, rig: BicycleFile) -> float:
