@@ -142,7 +142,7 @@ def _rolled(series: Series, rig: BicycleFile, findings: list[Finding], source: s
     return t, angle
 
 
-def _fallen_back(steps: Array, gap: Array, rig: BicycleFile) -> NDArray[np.intp]:
+def _fallen_back(steps: Array, gap: NDArray[np.bool_], rig: BicycleFile) -> NDArray[np.intp]:
     """Where a counter of short range ran over: the wheel rolls on and its angle falls back, each time by as
     much. Empty where that is no counter's doing."""
     step = 2.0 * np.pi / rig.sensors.steps_per_turn

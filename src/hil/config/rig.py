@@ -181,7 +181,7 @@ class RigFile(Settings):
 
     def cue_limits(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
         """Velocity, acceleration and jerk limits, one value a coordinate (defaults by kind of motion)."""
-        rotary = [c in ROTATIONS for c in self.coordinates]
+        rotary = [self.rotates(c) for c in self.coordinates]
         return (
             self.cue.velocity or tuple(0.35 if r else 0.3 for r in rotary),
             self.cue.acceleration or (4.0,) * len(rotary),
