@@ -228,10 +228,20 @@ def test_folders_without_cases_or_answers_are_named(tmp_path: Path) -> None:
         mark_exam(tmp_path, tmp_path)
 
 
+def test_kinds_that_need_more_effects_than_may_be_are_left_out(tmp_path: Path) -> None:
+    order = Order(rigs=("axis",), seed=3003, severities=(10.0,), effects=("coulomb_friction",))
+    kinds = ("double", "single")
+    make_case(replace(order, kinds=kinds), 0, tmp_path)
+    answer = read_answer(tmp_path / "answers" / order.case_id(0) / "answer.json")
+    assert [e["effect"] for e in answer["effects"]] == ["coulomb_friction"]
+
+
 def test_what_is_misspelt_is_named_before_anything_is_done(exam: Path, tmp_path: Path) -> None:
     seat = Sitting(tmp_path / "said")
     with pytest.raises(ConfigError, match="no exam case can hold backlsh"):
         make_exam(Order(rigs=("axis",), effects=("backlsh",)), 1, tmp_path / "exam")
+    with pytest.raises(ConfigError, match="no case of axis can be double with backlash alone"):
+        make_case(Order(rigs=("axis",), effects=("backlash",), kinds=("double",)), 0, tmp_path)
     with pytest.raises(ConfigError, match="no effect backlsh that could be withheld"):
         sit_exam(exam, replace(seat, without=("backlsh", "wheel_slip")))
     with pytest.raises(ConfigError, match=r"'\(' is no pattern"):

@@ -16,7 +16,7 @@ from hil.exam.case import ANSWER, RIG, answer_of, write_case
 from hil.exam.excite import FAMILIES, draw_motion
 from hil.exam.menu import Recipe, draw_recipe, effects_of, possible
 from hil.exam.odd import draw_outside, outside_of
-from hil.exam.order import Order
+from hil.exam.order import COUNTS, Order
 from hil.exam.rides import RIDE_EFFECTS, RIDE_OUTSIDE, make_ride
 from hil.exam.rigs import RIDDEN, RIGS, draw_rig
 from hil.exam.severity import Bench, Solved, effect_of, solve_size
@@ -26,7 +26,6 @@ from hil.runs.folder import Payload
 
 SHARES: Final = {"none": 1.0 / 3.0, "single": 0.41, "double": 0.1, "triple": 0.02, "outside": 0.14}
 ONE_LAW: Final = ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "hysteresis")
-COUNTS: Final = {"none": 0, "double": 2, "triple": 3}
 ATTEMPTS: Final = 40
 WISHED: Final = 8
 """Rigs and motions tried for the effects that a case should have, before any others will do."""
@@ -80,7 +79,7 @@ def make_case(order: Order, number: int, out: Path) -> str:
         rng = np.random.default_rng([order.seed, number, attempt])
         # kind and effects are drawn once a case: what is hard to make must not become rare
         once = np.random.default_rng([order.seed, number, 977])
-        kind = _kind(order, once)
+        kind = _kind(order, rig, once)
         wishes = _wishes(order, kind, rig, once)
         try:
             return make(order, number, kind, wishes if attempt < WISHED else (), rng, out)
@@ -89,20 +88,34 @@ def make_case(order: Order, number: int, out: Path) -> str:
     raise ConfigError(f"{case}: could not be made: {last}")
 
 
-def _kind(order: Order, rng: np.random.Generator) -> str:
-    weights = np.array([SHARES[k] for k in order.kinds])
-    return str(rng.choice(order.kinds, p=weights / weights.sum()))
+def _kind(order: Order, rig: str, rng: np.random.Generator) -> str:
+    kinds = tuple(k for k in order.kinds if len(_offered(order, k, rig)) >= COUNTS.get(k, 1))
+    if not kinds:
+        raise ConfigError(
+            f"no case of {rig} can be {' or '.join(order.kinds)} with {', '.join(order.effects)} alone: two "
+            "or three together need as many effects, outside needs one from outside the catalogue"
+        )
+    weights = np.array([SHARES[k] for k in kinds])
+    return str(rng.choice(kinds, p=weights / weights.sum()))
 
 
-def _wishes(order: Order, kind: str, rig: str, rng: np.random.Generator) -> tuple[str, ...]:
-    """The effects that a case should have, if some rig and motion show them."""
+def _offered(order: Order, kind: str, rig: str) -> list[str]:
+    """The effects that a case of `kind` may hold."""
     if rig == RIDDEN:
         names = RIDE_OUTSIDE if kind == "outside" else RIDE_EFFECTS
     else:
         names = OUTSIDE if kind == "outside" else possible(rig, order.mode)
-    chosen = [n for n in names if not order.effects or n in order.effects]
-    count = min(COUNTS.get(kind, 1), len(chosen))
-    return tuple(str(n) for n in rng.choice(chosen, count, replace=False)) if count else ()
+    return [n for n in names if not order.effects or n in order.effects]
+
+
+def _wishes(order: Order, kind: str, rig: str, rng: np.random.Generator) -> tuple[str, ...]:
+    """The effects that a case should have, if some rig and motion show them."""
+    count = COUNTS.get(kind, 1)
+    return (
+        tuple(map(str, rng.choice(_offered(order, kind, rig), count, replace=False)))
+        if count
+        else ()
+    )
 
 
 def _make(

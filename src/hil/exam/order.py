@@ -9,6 +9,8 @@ from hil.errors import ConfigError
 from hil.exam.rigs import ALL, RIDDEN, RIGS
 
 KINDS: Final = ("none", "single", "double", "triple", "outside")
+COUNTS: Final = {"none": 0, "double": 2, "triple": 3}
+"""Effects of a case, where not one."""
 MODES: Final = ("position", "force")
 
 

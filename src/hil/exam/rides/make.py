@@ -12,7 +12,7 @@ from hil.bicycle.path import eight, slalom, surges, u_turns
 from hil.config import BicycleFile, Effect
 from hil.configfile import load_bicycle, parse_settings
 from hil.exam.case import answer_of, write_case
-from hil.exam.order import Order
+from hil.exam.order import COUNTS, Order
 from hil.exam.rides.bench import RideBench
 from hil.exam.rides.menu import RIDE_EFFECTS, draw_effect
 from hil.exam.rides.outside import RIDE_OUTSIDE, draw_outside
@@ -30,7 +30,6 @@ FAMILIES: Final = (
     Manoeuvre("surges", "straight on, faster and slower", lambda: surges(80.0, 20.0), 5.0, 3.6),
     Manoeuvre("eight", "a circle to either side", lambda: eight(6.5), 4.5, 3.6),
 )
-COUNTS: Final = {"none": 0, "double": 2, "triple": 3}
 TRIES: Final = 6
 WHEELS: Final = frozenset({"wheel_radius", "wheel_slip"})
 """Two that no ride tells apart: never together."""
