@@ -91,7 +91,13 @@ def test_friction_that_builds_up_within_micrometres_is_seen_on_a_fast_bus():
     assert not share_of(BENDS, locate(record(rig=FAST), FAST))
 
 
-def test_only_friction_that_acts_at_once_and_is_read_often_is_asked_whether_it_bends():
+def test_friction_that_builds_up_within_micrometres_is_seen_in_slots_where_a_drive_hardly_moves():
+    rubbing = BENDS.twin(AXIS, 1.4)
+    assert share_of(BENDS, locate(record(rig=rubbing, share=0.01), AXIS)) >= 1.0
+    assert not share_of(BENDS, locate(record(rig=AXIS, share=0.01), AXIS))
+
+
+def test_only_friction_that_acts_at_once_is_asked_whether_it_bends():
     assert BENDS.may(FAST)
+    assert BENDS.may(AXIS)
     assert not BENDS.may(BENDS.twin(FAST, 1.0))
-    assert not BENDS.may(AXIS)
