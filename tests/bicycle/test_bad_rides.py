@@ -94,6 +94,18 @@ def test_a_counter_that_runs_over_is_put_together_again(round_trip, counts):
     assert np.abs(mended.angles[:, 1] - whole.angles[:, 1]).max() < 1e-9
 
 
+def test_an_encoder_that_starts_anew_each_turn_is_put_together_at_speed(round_trip):
+    def faster(table):
+        table["rear_wheel"] = 2.0 * table["rear_wheel"]
+        return table
+
+    def anew(table):
+        return faster(table).assign(rear_wheel=lambda x: np.mod(x["rear_wheel"], 2.0 * np.pi))
+
+    whole, mended = ride_of(round_trip, faster), ride_of(round_trip, anew)
+    assert np.abs(mended.angles[:, 1] - whole.angles[:, 1]).max() < 1e-9
+
+
 def test_a_wheel_that_is_pushed_back_a_little_is_no_counter(round_trip):
     whole = ride_of(round_trip)
 

@@ -116,9 +116,7 @@ def _rolled(series: Series, rig: BicycleFile, findings: list[Finding], source: s
         jumps = back
     if jumps.size:
         sizes = steps[jumps]
-        rest = np.setdiff1d(np.arange(len(steps)), jumps)
-        way = np.sign(sizes)
-        lost = way * (sizes - np.interp(jumps, rest, steps[rest]))
+        lost = _lost(steps, jumps)
         if np.ptp(lost) > 20.0 * typical + 0.2:
             row = int(jumps[0])
             raise RunError(
@@ -127,7 +125,7 @@ def _rolled(series: Series, rig: BicycleFile, findings: list[Finding], source: s
             )
         size = _counter_range(float(np.median(lost)), rig)
         corrected = steps.copy()
-        corrected[jumps] -= way * size
+        corrected[jumps] -= np.sign(sizes) * size
         angle = np.concatenate([[angle[0]], angle[0] + np.cumsum(corrected)])
         text = (
             f"the counter ran over {jumps.size} times (by {size:.5g} rad, first at "
@@ -149,14 +147,23 @@ def _fallen_back(steps: Array, gap: NDArray[np.bool_], rig: BicycleFile) -> NDAr
     rolling = float(np.median(steps[~gap])) if not gap.all() else 0.0
     if abs(rolling) < step:
         return np.empty(0, dtype=np.intp)
-    fell = np.sign(rolling) * steps < -(FALLS * abs(rolling) + 2.0 * step)
-    at = np.flatnonzero(fell & ~gap)
-    if at.size < 2 or at.size > 0.5 * len(steps):
+    fell = np.flatnonzero((np.sign(rolling) * steps < -(FALLS * abs(rolling) + 2.0 * step)) & ~gap)
+    if fell.size < 2:
         return np.empty(0, dtype=np.intp)
-    rest = np.setdiff1d(np.arange(len(steps)), at)
-    lost = np.abs(steps[at] - np.interp(at, rest, steps[rest]))
+    size = float(np.median(np.abs(steps[fell]))) + abs(rolling)
+    # at rest on the edge of its range a counter jumps up as well
+    at = np.flatnonzero((np.abs(np.abs(steps) - size) < 0.5 * size) & ~gap)
+    if not 2 <= at.size <= 0.5 * len(steps):
+        return np.empty(0, dtype=np.intp)
+    lost = _lost(steps, at)
     alike = np.abs(lost - np.median(lost)) < ALIKE * np.median(lost) + 2.0 * step
     return at if alike.all() else np.empty(0, dtype=np.intp)
+
+
+def _lost(steps: Array, at: NDArray[np.intp]) -> Array:
+    """(len(at),) by how much each of the steps `at` falls short of those beside it, rad."""
+    rest = np.setdiff1d(np.arange(len(steps)), at)
+    return np.asarray(np.sign(steps[at]) * (steps[at] - np.interp(at, rest, steps[rest])))
 
 
 def _counter_range(seen: float, rig: BicycleFile) -> float:

@@ -111,11 +111,9 @@ def _offered(order: Order, kind: str, rig: str) -> list[str]:
 def _wishes(order: Order, kind: str, rig: str, rng: np.random.Generator) -> tuple[str, ...]:
     """The effects that a case should have, if some rig and motion show them."""
     count = COUNTS.get(kind, 1)
-    return (
-        tuple(map(str, rng.choice(_offered(order, kind, rig), count, replace=False)))
-        if count
-        else ()
-    )
+    if not count:
+        return ()
+    return tuple(map(str, rng.choice(_offered(order, kind, rig), count, replace=False)))
 
 
 def _make(

@@ -97,8 +97,6 @@ def _drawn(
     count = COUNTS.get(kind, 1)
     names = RIDE_OUTSIDE if kind == "outside" else RIDE_EFFECTS
     allowed = [n for n in names if not order.effects or n in order.effects]
-    if not allowed:
-        raise WorldError(f"a ride has none of the effects {', '.join(order.effects)}")
     effects: list[Effect] = []
     outside: list[Outside] = []
     found: list[Solved] = []
