@@ -18,6 +18,7 @@ from hil.config import Effect
 from hil.configfile import load_rig
 from hil.errors import ConfigError, RunError
 from hil.exam import Order, Sitting, load_case, make_exam, mark_exam, seal, sit_exam
+from hil.exam.baselines import sit_baseline
 from hil.exam.case import case_folders, read_answer
 from hil.exam.make import make_case
 from hil.exam.menu import OF_LOOPS, effects_of, possible
@@ -172,6 +173,10 @@ def test_the_oracle_finds_what_it_was_told_and_the_gap_shrinks(exam: Path, tmp_p
     ]
     assert said["causes"][0]["parameters"]["force"]["value"] == pytest.approx(true, rel=0.4)
     assert said["gap"]["after"] < said["gap"]["before"]
+    assert said["nats"] > 50.0  # evidence for what is there, and not for what is not
+    absent = {"effect": "force_constant", "location": "axis", "parameters": {"scale": 1.1}}
+    other = sit_baseline("oracle", load_case(case), {"effects": [absent]})
+    assert other["nats"] < said["nats"] / 10.0
     marked = mark_exam(tmp_path, exam / "answers", oracle=tmp_path, only=case.name)
     shown = {m.name: v.value for m, v in marked.groups[0].marks}
     assert shown["leaf and location right"] == 1.0

@@ -12,6 +12,7 @@ from hil.errors import RunError
 from hil.exam import mark_exam, seal
 from hil.exam.intervals import brier, calibration_error, reliability, share
 from hil.exam.mark import Marked
+from hil.exam.marks import MARKS
 from hil.exam.paper import Paper
 from hil.exam.sizes import sizes
 
@@ -220,6 +221,21 @@ def test_severities_below_the_bound_are_marked_apart(tmp_path: Path) -> None:
     )
     assert _value(marked, "top-1 by leaf") == 1.0
     assert _value(marked, "effects called no_gap", "severity 1") == 1.0
+
+
+def test_what_is_missed_is_set_against_what_the_oracle_sees_of_it() -> None:
+    answer, missed = _answer("identified", BACKLASH), _said("no_gap")
+    papers = [
+        Paper("seen", answer, missed, {"nats": 35.0}),
+        Paper("hidden", answer, missed, {"nats": 4.7}),
+        Paper("not sat", answer, missed),
+        Paper("named", answer, _said("identified", _cause("backlash")), {"nats": 500.0}),
+        Paper("healthy", _answer("no_gap"), missed, {"gap": {"shrink": None}}),
+    ]
+    assert [p.is_evident for p in papers] == [True, False, None, True, None]
+    mark = next(m for m in MARKS if m.name == "of them evident to the oracle")
+    value = mark.count(papers)
+    assert (value.value, value.count) == (0.5, 2)
 
 
 def test_shrink_is_set_against_the_oracle_and_harm_is_counted(tmp_path: Path) -> None:

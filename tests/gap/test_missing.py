@@ -39,6 +39,16 @@ def test_answers_that_are_missing_are_counted_by_their_slots(healthy):
     assert found.share == pytest.approx(0.05, abs=0.015)
 
 
+def test_a_drive_may_be_asked_for_one_signal_twice_in_a_row(healthy):
+    cycles = np.floor(healthy["t"].to_numpy() / AXIS.bus.cycle).astype(int)
+    answers = healthy["axis.setpoint"].isna().to_numpy()
+    frame = healthy.copy()
+    frame["axis.force"] = np.where(answers & (cycles % 3 > 0), 1.0, np.nan)
+    frame["axis.position"] = np.where(answers & (cycles % 3 == 0), 0.1, np.nan)
+    assert missing_of(frame).count == 0
+    assert missing_of(without_rows(frame, 0.05)).share == pytest.approx(0.05, abs=0.015)
+
+
 def test_cycles_that_the_host_left_out_and_holes_are_no_answers_that_are_missing(healthy):
     assert not missing_of(without_rows(healthy, 0.05, setpoints=True)).is_finding
     t = healthy["t"]

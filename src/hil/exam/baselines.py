@@ -2,8 +2,8 @@
 
 All stand on the twin as `hil.gap` refits it: `random` names any effect; `best-training` the single effect
 with the smallest error on the data it was fitted to; `naive-bic` the same if the Bayesian information
-criterion with the raw number of samples says so; `oracle` is told the effect and only fits it. Shrink is on
-held-out data.
+criterion with the raw number of samples says so; `oracle` is told the effect and only fits it, and says how
+much evidence there is for it at all. Shrink is on held-out data.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ from hil.exam.case import Case
 from hil.gap import Nuisance, Problem, default_nuisances, refit
 from hil.gap.bicycle import locate_any
 from hil.gap.bicycle.leaves import ride_nuisances
+from hil.gap.diagnose import as_found
 from hil.gap.fits.heldout import score, split
-from hil.gap.located.result import Evidence
+from hil.gap.located.residual import Refit, cost
+from hil.gap.located.result import Evidence, Located
 from hil.sim import ParameterTable
 
 Array = NDArray[np.float64]
@@ -46,27 +48,29 @@ class Ground:
     train: Mask
     held: Mask
     nuisances: tuple[Nuisance, ...]
-    vector: Array
-    residual: Array
-    jacobian: Array
+    best: Refit
 
     @classmethod
     def of(cls, case: Case) -> Ground:
         """Locate the gap, then refit the nuisances on the training samples alone."""
-        located = locate_any(case.runs, case.rig)
+        known, healthy = _calibrated(case)
+        located = locate_any(case.runs, case.rig, nuisances=known, healthy=healthy)
         e = located.evidence
         train = split(e.problem, e.noise, e.residual).train(e.problem)
-        if isinstance(case.rig, BicycleFile):
-            nuisances = ride_nuisances(case.rig, e.problem)
-        else:
-            nuisances = tuple(
-                default_nuisances(case.rig, e.problem.signals, are_forces=e.problem.are_forces)
-            )
+        nuisances = tuple(known) if known is not None else _nuisances(case, e)
         best = refit(_only(e.problem, train), e.noise, nuisances, e.vector)
         kept = e.problem.kept
-        return cls(
-            e, train & kept, ~train & kept, nuisances, best.vector, best.residual, best.jacobian
-        )
+        return cls(e, train & kept, ~train & kept, nuisances, best)
+
+    @property
+    def vector(self) -> Array:
+        """(P,) of the twin without an effect."""
+        return self.best.vector
+
+    @property
+    def residual(self) -> Array:
+        """(N,) that it leaves."""
+        return self.best.residual
 
     def touched(self, residual: Array) -> tuple[str, ...]:
         """Signals in which `residual` differs visibly from that of the twin without an effect."""
@@ -84,8 +88,16 @@ class Ground:
         problem = _only(self.evidence.problem, self.train)
         return float(np.sum(self.evidence.noise.whiten(problem, residual) ** 2))
 
-    def with_effects(self, effects: Sequence[Effect]) -> tuple[Array, dict[str, float]]:
-        """Residual (N,) of the twin with `effects` fitted from their values; the parameters found."""
+    def cost(self, found: Refit) -> float:
+        """What a refit leaves of the training samples and what its nuisances cost beside it, in nats."""
+        problem = _only(self.evidence.problem, self.train)
+        prior = {n.name: n for n in self.nuisances}
+        z = [(f.change - n.mean) / n.sd for f in found.fitted if (n := prior.get(f.name))]
+        white = self.evidence.noise.whiten(problem, found.residual)
+        return cost(white, np.array(z), problem.discount)
+
+    def with_effects(self, effects: Sequence[Effect]) -> tuple[Refit, dict[str, float]]:
+        """The twin with `effects` fitted from their values; the parameters found."""
         mine = _only(self.evidence.problem, self.train)
         start, mine.base = np.array(self.vector), np.array(mine.base)
         for e in effects:
@@ -96,7 +108,7 @@ class Ground:
         names = {n.name for n in moved}
         nuisances = [n for n in self.nuisances if n.name not in names]
         found = refit(mine, self.evidence.noise, (*nuisances, *moved), start)
-        return found.residual, {n: float(found.vector[mine.table.index(n)]) for n in names}
+        return found, {n: float(found.vector[mine.table.index(n)]) for n in names}
 
 
 def sit_baseline(name: str, case: Case, answer: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -114,9 +126,25 @@ def _oracle(case: Case, ground: Ground, answer: Mapping[str, Any]) -> dict[str, 
     effects = [Effect.model_validate(e) for e in answer["effects"]]
     if not effects:
         return _said(case, ground, answer["verdict"], [], ground.residual)
-    residual, values = ground.with_effects(effects)
+    found, values = ground.with_effects(effects)
     causes = [_cause(e, values, 1.0) for e in effects]
-    return _said(case, ground, "identified", causes, residual)
+    said = _said(case, ground, "identified", causes, found.residual)
+    return {**said, "nats": ground.cost(ground.best) - ground.cost(found)}
+
+
+def _calibrated(case: Case) -> tuple[list[Nuisance] | None, Located | None]:
+    """What healthy records of a driven rig leave to calibration, as for a diagnosis; None without them."""
+    if not case.references or isinstance(case.rig, BicycleFile):
+        return None, None
+    healthy = locate_any(case.references, case.rig)
+    return as_found(healthy, _nuisances(case, healthy.evidence)), healthy
+
+
+def _nuisances(case: Case, e: Evidence) -> tuple[Nuisance, ...]:
+    if isinstance(case.rig, BicycleFile):
+        return ride_nuisances(case.rig, e.problem)
+    are_forces = e.problem.are_forces
+    return tuple(default_nuisances(case.rig, e.problem.signals, are_forces=are_forces))
 
 
 def _fitted(case: Case, ground: Ground, by_bic: bool) -> dict[str, Any]:
@@ -124,11 +152,11 @@ def _fitted(case: Case, ground: Ground, by_bic: bool) -> dict[str, Any]:
     alone = ground.white_sum(ground.residual)
     best: tuple[float, Effect, Array, dict[str, float]] | None = None
     for effect in _candidates(case.rig, ground)[:FITTED]:
-        residual, values = ground.with_effects([effect])
-        error = ground.white_sum(residual)
+        found, values = ground.with_effects([effect])
+        error = ground.white_sum(found.residual)
         score = n * math.log(error / n) + len(values) * math.log(n) if by_bic else error
         if best is None or score < best[0]:
-            best = (score, effect, residual, values)
+            best = (score, effect, found.residual, values)
     if best is None or (by_bic and best[0] >= n * math.log(alone / n)):
         return _said(case, ground, "no_gap", [], ground.residual)
     return _said(case, ground, "identified", [_cause(best[1], best[3], 1.0)], best[2])
@@ -139,7 +167,7 @@ def _candidates(rig: AnyRig, ground: Ground) -> list[Effect]:
     e = ground.evidence
     problem = _only(e.problem, ground.train)
     base = problem.measured - ground.residual
-    A = e.noise.whiten(problem, ground.jacobian)
+    A = e.noise.whiten(problem, ground.best.jacobian)
     A = A * np.array([n.sd for n in ground.nuisances])
     white = e.noise.whiten(problem, ground.residual)
     normal = np.linalg.inv(A.T @ A + np.eye(A.shape[1]))

@@ -67,6 +67,11 @@ def _first_of_several(papers: Papers) -> Value:
     return share([p.is_exact() for p in _of(papers, "several")])
 
 
+def _missed_though_evident(papers: Papers) -> Value:
+    missed = [p for p in _of(papers, "single", "several") if p.verdict == "no_gap"]
+    return share([p.is_evident for p in missed if p.is_evident is not None])
+
+
 def _unknown_recall(papers: Papers) -> Value:
     return share([p.verdict == "unknown" for p in _of(papers, "outside")])
 
@@ -162,6 +167,7 @@ MARKS: Final = (
     Mark("several: first cause right", _first_of_several),
     Mark("false alarms on null cases", _false_alarms, most=0.01),
     Mark("effects called no_gap", _missed),
+    Mark("of them evident to the oracle", _missed_though_evident),
     Mark("outside effects called unknown", _unknown_recall, least=0.85),
     Mark("catalogue effects called unknown", _wrongly_unknown, most=0.05),
     Mark("outside effects named, p > 0.9", _confident_on_outside),

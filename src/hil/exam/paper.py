@@ -16,6 +16,9 @@ Leaf = tuple[str, str]
 UNKNOWN: Final[Leaf] = ("unknown", "")
 SET_SHARE: Final = 0.9
 CONFIDENT: Final = 0.9
+EVIDENT: Final = 10.0
+"""Nats for an effect, once it is told, from which on a diagnosis could have asked for it: less is chance
+among the many that it tries."""
 NAMED: Final = ("identified", "ambiguous")
 VERDICTS: Final = (*NAMED, "unknown", "no_gap")
 
@@ -184,6 +187,12 @@ class Paper:
         if best is None or best < 0.1 or self.shrink is None:
             return None
         return self.shrink / best
+
+    @property
+    def is_evident(self) -> bool | None:
+        """Whether the oracle, which was told the effects, finds evidence for them; None: it did not say."""
+        nats = _number((self.oracle or {}).get("nats"))
+        return None if nats is None else nats >= EVIDENT
 
     @property
     def is_harmful(self) -> bool | None:

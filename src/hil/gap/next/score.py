@@ -101,7 +101,8 @@ def recorded(
                 continue
             asked = np.ones(len(cycles), dtype=bool)
             if bus.schedule == "parameter" and quantity in bus.pattern:
-                asked = cycles % len(bus.pattern) == list(bus.pattern).index(quantity)
+                turns = [k for k, q in enumerate(bus.pattern) if q == quantity]
+                asked = np.isin(cycles % len(bus.pattern), turns)
             t = slot[asked] + bus.answer_delay
             samples[f"{a}.{quantity}"] = (t, np.zeros(len(t)))
     if rig.imu is not None:

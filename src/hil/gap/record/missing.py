@@ -7,14 +7,19 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hil.identify.replay import Series, stretches
+from hil.identify.replay import stretches
 from hil.runs import Run
+
+Array = NDArray[np.float64]
 
 HOLE: Final = 10.0
 """Slots from which on nobody recorded, or asked for something else."""
 NEARLY: Final = 0.25
 """Of a slot: setpoints that went out for no more than half of one say nothing of an answer."""
+BOTH: Final = 1.1
+"""Answers for each setpoint from which on one asks for more than one signal."""
 FEWEST: Final = 8
 """Answers missing from which on it is no chance that they are."""
 SOME: Final = 0.001
@@ -47,22 +52,29 @@ def missing_answers(runs: Sequence[Run], references: Sequence[Run]) -> Missing:
 
 def _counted(runs: Sequence[Run]) -> tuple[int, int]:
     counts = [
-        _missing(series, piece.setpoints[actuator])
+        _missing(t, sent)
         for run in runs
         for piece in stretches(run)
-        for signal, series in piece.samples.items()
-        if (actuator := signal.partition(".")[0]) in piece.setpoints
+        for actuator, (sent, _) in piece.setpoints.items()
+        for t in _instants(
+            [s for n, (s, _) in piece.samples.items() if n.startswith(actuator + ".")], sent
+        )
     ]
     return sum(c for c, _ in counts), sum(n for _, n in counts)
 
 
-def _missing(answers: Series, setpoints: Series) -> tuple[int, int]:
-    """Of one signal, so many of so many: by time, or by the setpoints that went out meanwhile, if those say
-    fewer."""
-    t = answers[0]
+def _instants(signals: Sequence[Array], setpoints: Array) -> Sequence[Array]:
+    """When answers of a drive came: all in one where each setpoint asks for one signal, in any order; else
+    by signal."""
+    answers = sum(map(len, signals))
+    return [np.sort(np.concatenate(signals))] if 0 < answers < BOTH * len(setpoints) else signals
+
+
+def _missing(t: Array, setpoints: Array) -> tuple[int, int]:
+    """So many of so many answers: by time, or by the setpoints that went out meanwhile, if they say fewer."""
     if len(t) < FEWEST:
         return 0, 0
-    steps, sent = np.diff(t), np.diff(np.searchsorted(setpoints[0], t))
+    steps, sent = np.diff(t), np.diff(np.searchsorted(setpoints, t))
     usual, each = float(np.median(steps)), float(np.median(sent))
     if not (usual > 0.0 and each >= 1.0):
         return 0, 0
