@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 from hil.config import AnyRig, BicycleFile, Effect
 from hil.config.bicycle import SIGNALS as ANGLES
 from hil.exam.case import Case
-from hil.gap import Nuisance, Problem, default_nuisances, refit
+from hil.gap import Nuisance, Problem, refit
 from hil.gap.bicycle import locate_any
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.diagnose import as_found
 from hil.gap.fits.heldout import score, split
 from hil.gap.located.residual import Refit, cost
 from hil.gap.located.result import Evidence, Located
+from hil.gap.rounds.question import nuisances_of
 from hil.sim import ParameterTable
 
 Array = NDArray[np.float64]
@@ -88,10 +89,11 @@ class Ground:
         problem = _only(self.evidence.problem, self.train)
         return float(np.sum(self.evidence.noise.whiten(problem, residual) ** 2))
 
-    def cost(self, found: Refit) -> float:
-        """What a refit leaves of the training samples and what its nuisances cost beside it, in nats."""
+    def cost(self, found: Refit, told: Collection[str] = ()) -> float:
+        """What a refit leaves of the training samples and what its nuisances cost beside it, in nats; those
+        named in `told` cost nothing."""
         problem = _only(self.evidence.problem, self.train)
-        prior = {n.name: n for n in self.nuisances}
+        prior = {n.name: n for n in self.nuisances if n.name not in told}
         z = [(f.change - n.mean) / n.sd for f in found.fitted if (n := prior.get(f.name))]
         white = self.evidence.noise.whiten(problem, found.residual)
         return cost(white, np.array(z), problem.discount)
@@ -129,7 +131,7 @@ def _oracle(case: Case, ground: Ground, answer: Mapping[str, Any]) -> dict[str, 
     found, values = ground.with_effects(effects)
     causes = [_cause(e, values, 1.0) for e in effects]
     said = _said(case, ground, "identified", causes, found.residual)
-    return {**said, "nats": ground.cost(ground.best) - ground.cost(found)}
+    return {**said, "nats": ground.cost(ground.best) - ground.cost(found, values)}
 
 
 def _calibrated(case: Case) -> tuple[list[Nuisance] | None, Located | None]:
@@ -143,8 +145,7 @@ def _calibrated(case: Case) -> tuple[list[Nuisance] | None, Located | None]:
 def _nuisances(case: Case, e: Evidence) -> tuple[Nuisance, ...]:
     if isinstance(case.rig, BicycleFile):
         return ride_nuisances(case.rig, e.problem)
-    are_forces = e.problem.are_forces
-    return tuple(default_nuisances(case.rig, e.problem.signals, are_forces=are_forces))
+    return nuisances_of(e.problem)
 
 
 def _fitted(case: Case, ground: Ground, by_bic: bool) -> dict[str, Any]:
