@@ -42,9 +42,11 @@ def locate_rides(
     nuisances: Sequence[Nuisance] | None = None,
     seed: int = 0,
     slopes: Sequence[Array] = (),
+    slow: float = 0.0,
 ) -> Located:
     """Locate the gap between rides and the bicycle's model, on roads of those slopes where they are given
-    (`hil.gap.bicycle.road`); IdentificationError where channels lie."""
+    (`hil.gap.bicycle.road`), with `slow` of the sensors' noise besides as noise that lasts
+    (`hil.gap.bicycle.noise`); IdentificationError where channels lie."""
     loaded = list(runs)
     rides = [prepare(run, rig) for run in loaded]
     findings = []
@@ -59,7 +61,7 @@ def locate_rides(
         findings.append(ALONE)
     chosen = nuisances or ride_nuisances(rig, problem)
     rng = np.random.default_rng(seed)
-    noise = ride_noise(problem, problem.base, rng)
+    noise = ride_noise(problem, problem.base, rng, slow)
     best = refit(problem, noise, chosen)
     noise = no_louder(noise, problem, best.residual)
     best = refit(problem, noise, chosen)

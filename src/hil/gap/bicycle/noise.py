@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
-from scipy.signal import welch
+from scipy.signal import lfilter, welch
 
 from hil.bicycle.sensors import IMU_SIGNALS, noise_of
 from hil.config.bicycle import SIGNALS
@@ -42,6 +42,10 @@ CORNER_HZ: Final = 10.0
 """Of the filters inside inclinometers and IMUs: between 5 and 20 Hz [R]."""
 SLUGGISH: Final = {"lean": 3.0}
 """Hz below which the noise of a signal rises besides: what makes an inclinometer's is slow itself [R]."""
+SLOW: Final = 0.25
+WANDERS_S: Final = 0.2
+"""Of the power of a sensor's noise, what may be slow besides, and how long that lasts [R]: warmth, play and
+what filters leave of shaking wander, where no quiet band tells it."""
 LOUDER: Final = 0.93
 """Of a floor, what nuisances leave of noise alone."""
 REWEIGHTED: Final = 4
@@ -78,13 +82,16 @@ EDGE: Final = 1.4
 """Standard deviations of all that a bicycle may be off by and need no explanation."""
 
 
-def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) -> NoiseModel:
+def ride_noise(
+    problem: RideProblem, vector: Array, rng: np.random.Generator, slow: float = 0.0
+) -> NoiseModel:
     """Draws (D, N) of what noise alone leaves at `vector`: of lean, wheel and steer through the twin, and
-    the IMU's own."""
+    the IMU's own; with `slow` of its power besides as noise that lasts for WANDERS_S."""
     louder = {id(twin): _loudness(twin) for twin in problem.twins}
 
     def error(twin: RideTwin, signal: str, values: Array) -> Array:
-        return louder[id(twin)][signal] * _noise(rng, len(values), *noise_of(signal, twin.rig))
+        white = _noise(rng, len(values), *noise_of(signal, twin.rig))
+        return louder[id(twin)][signal] * (white + _slow(rng, white, twin.recorded.dt_s, slow))
 
     values = problem.values(vector)
     drawn = np.array([carried(problem, values, error) for _ in range(DRAWS)])
@@ -101,6 +108,10 @@ def ride_noise(problem: RideProblem, vector: Array, rng: np.random.Generator) ->
         f"{QUIET_HZ[0]:g} and {QUIET_HZ[1]:g} Hz, where no rider moves: {_said(louder.values())} of the rig "
         "file's"
     )
+    if slow > 0.0:
+        text += (
+            f"; {100.0 * slow:.0f} % of its power besides as noise that lasts for {WANDERS_S:g} s"
+        )
     return of_draws(problem, drawn, text)
 
 
@@ -309,6 +320,18 @@ def _said(louder: Iterable[Mapping[str, float]]) -> str:
     """The range of loudness, in words."""
     shares = [x for one in louder for x in one.values()]
     return f"{min(shares):.2f} to {max(shares):.2f} times"
+
+
+def _slow(rng: np.random.Generator, white: Array, dt_s: float, share: float) -> Array:
+    """(N,) errors beside `white` ones (N,) that last for WANDERS_S, `share` of their power."""
+    if share == 0.0:
+        return np.zeros(len(white))
+    keep = float(np.exp(-dt_s / WANDERS_S))
+    size = np.sqrt(share * np.mean(white**2) * (1.0 - keep**2))
+    start = size / np.sqrt(1.0 - keep**2) * rng.standard_normal()
+    return np.asarray(
+        lfilter([1.0], [1.0, -keep], size * rng.standard_normal(len(white)), zi=[keep * start])[0]
+    )
 
 
 def _noise(rng: np.random.Generator, count: int, sigma: float, step: float) -> Array:
