@@ -25,7 +25,7 @@ from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
 from hil.gap.fits.evidence import MORE
 from hil.gap.fits.facts import EFFECT as ROUNDED
-from hil.gap.fits.facts import rounded
+from hil.gap.fits.facts import left_by, rounded
 from hil.gap.fits.fitted import Fit
 from hil.gap.fits.heldout import Score, score, split, touched
 from hil.gap.fits.training import begin, candidates_of
@@ -353,7 +353,7 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
     before = e.problem.residual(none.vector)
 
     def again(f: Fit, signals: Sequence[str]) -> Score:
-        after = e.problem.residual(f.vector)
+        after = left_by(e.problem, f, ~held)
         rng = np.random.default_rng(seed + 2)
         return score(e.problem, e.noise, before, after, held, signals, rng)
 

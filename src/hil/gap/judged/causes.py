@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hil.gap.catalogue.nuisances import CRYSTALS, RATE
 from hil.gap.fits.evidence import ALIKE, Weighed, distance
-from hil.gap.fits.facts import is_fact
+from hil.gap.fits.facts import is_fact, left_by
 from hil.gap.fits.fitted import Calibrated, Fit, calibrated
 from hil.gap.fits.frames import ANSWERS, SETPOINTS, fit_lost_frames
 from hil.gap.fits.frames import EFFECT as LOST
@@ -52,8 +52,8 @@ class Shown:
             return score(
                 self.e.problem, self.e.noise, self.before, after, self.held, signals, self.rng
             )
-        answer = self.e.problem.answers(f.vector)[0]
-        after = np.where(np.isfinite(answer), self.e.problem.measured - answer, self.before)
+        after = left_by(self.e.problem, f, ~self.held)
+        after = np.where(np.isfinite(after), after, self.before)
         return score(self.e.problem, self.e.noise, self.before, after, self.held, signals, self.rng)
 
     def _without_lost(self, f: Fit) -> Array:
