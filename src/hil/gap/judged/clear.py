@@ -55,7 +55,7 @@ class Asked:
 
 
 COUNTED: Final = Asked(
-    nats=10.0, trace=0.3, always=1.0, decisive=20.0, faint=0.15, certain=90.0, nearly=45.0,
+    nats=10.0, trace=0.3, always=1.0, decisive=20.0, faint=0.15, certain=90.0, nearly=32.0,
     always_faint=0.6, saved=15.0,
 )  # fmt: skip
 """Of rigs, many samples of which count as one [set on cases of the used-up exams of seeds 81 and 111, of
