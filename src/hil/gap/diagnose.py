@@ -26,7 +26,7 @@ from hil.gap.located.sanity import check_runs
 from hil.gap.record.lines import CLEAR, UNTOLD, for_lines
 from hil.gap.record.missing import Missing, missing_answers
 from hil.gap.record.runs import as_runs
-from hil.gap.rounds.older import as_it_was
+from hil.gap.rounds.older import as_it_was, by_itself
 from hil.gap.rounds.question import Question, Report, nuisances_of
 from hil.gap.rounds.round import Considered, considered
 from hil.gap.rounds.twins import Habits, as_usual, on_springs, with_habits, with_ticks
@@ -51,8 +51,15 @@ def diagnose(
     answer is what has changed since. `without`: effects that must not be considered. `report` is told
     each step. Equal `seed`, equal answer. IdentificationError where the data cannot carry an answer.
     """
-    found = consider(runs, rig, references=references, without=without, seed=seed, report=report)
-    return found.answer(seed)
+    loaded, healthy = as_runs(runs, rig), as_runs(references, rig)
+    found = consider(loaded, rig, references=healthy, without=without, seed=seed, report=report)
+    answer = found.answer(seed)
+    if answer.verdict != "unknown" or not healthy:
+        return answer
+    if report is not None:
+        report("once more without the references")
+    alone = diagnose(loaded, rig, without=without, seed=seed, report=report)
+    return by_itself(alone, answer) if alone.verdict == "no_gap" else answer
 
 
 def consider(

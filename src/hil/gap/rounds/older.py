@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from hil.config import Effect
 from hil.gap.judged.diagnosis import Cause, Diagnosis
@@ -28,6 +29,19 @@ def as_it_was(effects: Sequence[Effect], was: Diagnosis) -> tuple[tuple[Effect, 
         f"differ from the rig file by {named} themselves: the twin starts from there, and a value of the "
         "same effect below is the whole of it",
     )  # fmt: skip
+
+
+def by_itself(alone: Diagnosis, beside: Diagnosis) -> Diagnosis:
+    """The diagnosis of runs without their references, in which there is no gap, told that `beside` those they
+    stand off and nothing explains it: calibrations differ from day to day by as much."""
+    worst = max(beside.located.signals, key=lambda s: s.ratio)
+    told = Finding(
+        "warning", "references",
+        f"leave the twin {worst.ratio:.1f} floors off in {worst.signal} of these runs, and nothing explains "
+        "that; the twin of the rig file fits them within a healthy rig's tolerances, and is what is judged",
+    )  # fmt: skip
+    located = replace(alone.located, findings=(*alone.located.findings, told))
+    return replace(alone, located=located)
 
 
 def _line(x: Cause) -> Effect:
