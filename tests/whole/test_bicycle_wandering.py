@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from hil.bicycle.sensors import IMU_SIGNALS, noise_of
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle import diagnose_rides, locate_rides
-from hil.gap.bicycle.follows import follows
+from hil.gap.bicycle.follows import _said, follows
 from tests.whole.test_bicycle_gap import NOMINAL, ridden, short
 
 LASTS_S = 0.3
@@ -68,6 +68,13 @@ def test_what_follows_from_the_ride_is_told_from_what_lasts_as_long(healthy):
     assert asked(turning) == "imu.gyro_y"
     assert asked(np.abs(turning) - np.mean(np.abs(turning))) == "imu.gyro_y"
     assert asked(slow(rng, e.problem.t_s[part])) is None
+
+
+def test_a_ride_that_is_too_short_to_learn_from_may_say_all():
+    left = np.random.default_rng(6).standard_normal(40)
+    assert _said(np.random.default_rng(7).standard_normal((40, 30)), left, 0.1) == np.sqrt(
+        np.mean(left**2)
+    )
 
 
 def test_what_no_catalogue_has_stays_unknown_beside_noise_that_wanders(healthy):

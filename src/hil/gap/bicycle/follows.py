@@ -63,7 +63,8 @@ def follows(problem: RideProblem, noise: NoiseModel, vector: Array, residual: Ar
 
 
 def _said(features: Array, left: Array, step_s: float) -> float:
-    """Root mean square of the part of `left` (J,) that `features` (J, F) say in advance."""
+    """Root mean square of the part of `left` (J,) that `features` (J, F) say in advance; all of it, where a
+    ride is too short to learn from."""
     count, gap = len(left), round(APART_S / step_s)
     z = (features - features.mean(axis=0)) / (features.std(axis=0) + 1e-12)
     edges = np.linspace(0, count, PARTS + 1).astype(int)
@@ -72,6 +73,8 @@ def _said(features: Array, left: Array, step_s: float) -> float:
         others = np.ones(count, dtype=bool)
         others[max(start - gap, 0) : end + gap] = False
         seen = z[others]
+        if len(seen) < z.shape[1]:
+            return float(np.sqrt(np.mean(left**2)))
         alike, like = seen.T @ seen / len(seen), seen.T @ left[others] / len(seen)
         for k, held in enumerate(HELD):
             weights = np.linalg.solve(alike + held * np.eye(z.shape[1]), like)
