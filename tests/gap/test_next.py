@@ -23,7 +23,7 @@ from hil.gap.next import (
     read_candidates,
     split_of,
 )
-from hil.gap.next.score import payloads_of
+from hil.gap.next.score import payloads_of, recorded
 from hil.identify.experiments import read_experiment
 from hil.rigs import build_rig
 from hil.runs.folder import read_meta
@@ -52,6 +52,26 @@ MASS_OR_GAIN = diagnosis(
 MASS_OR_INERTIA = diagnosis(
     {"platform.payload_mass": {"mass": 10.0}, "axis.actuator_inertia": {"mass": 10.0}}
 )
+
+
+@pytest.mark.parametrize(
+    ("pattern", "shares"),
+    [
+        (("position", "force"), {"axis.position": 1 / 2, "axis.force": 1 / 2}),
+        (("position", "force", "force"), {"axis.position": 1 / 3, "axis.force": 2 / 3}),
+    ],
+)
+def test_a_motion_is_recorded_as_often_as_the_slots_ask(
+    pattern: tuple[str, ...], shares: dict[str, float]
+) -> None:
+    rig = load_rig("axis")
+    rig = rig.model_copy(update={"bus": rig.bus.model_copy(update={"pattern": pattern})})
+    rng = np.random.default_rng(4)
+    sketch = draw_sketches(rig, 20.0, 6, rng)[0]
+    stretch = recorded(sketch, rig, SIGNALS, rng)[0]
+    sent = len(stretch.setpoints["axis"][0])
+    for signal, share in shares.items():
+        assert len(stretch.samples[signal][0]) == pytest.approx(share * sent, abs=1)
 
 
 def test_every_motion_that_is_drawn_keeps_the_rigs_limits() -> None:
