@@ -78,7 +78,7 @@ def test_a_ride_that_is_too_short_to_learn_from_may_say_all():
 
 
 def test_what_no_catalogue_has_stays_unknown_beside_noise_that_wanders(healthy):
-    """A gyroscope that feels a quarter of the turning as pitching."""
+    """A gyroscope that feels the square of turning as pitching, 0.1 s of it."""
     run = wandering(healthy, 0.3, 5)
     felt = run.table["imu.gyro_z"] ** 2
     table = run.table.assign(**{"imu.gyro_y": run.table["imu.gyro_y"] + 0.1 * felt})

@@ -58,8 +58,6 @@ WANDERING: Final = Finding(
     "may wander: more stands in the signals than white noise leaves, but it does not follow from how it was "
     "ridden; the floor holds noise that lasts for tenths of a second as well",
 )  # fmt: skip
-RAISED: Final = 2.0
-"""Times the gap on a level road beyond which a road that a candidate asks for makes the gap it explains."""
 HELD: Final = 1e-3
 """Of its prior, within which a nuisance stays that is to explain nothing."""
 
@@ -121,13 +119,11 @@ def _diagnosed(
         nuisances = as_found(known, ride_nuisances(rig, known.evidence.problem))
 
     def on(slow: float) -> tuple[Diagnosis, tuple[Finding, ...]]:
-        found = _on_road(loaded, rig, nuisances, (), slow, without, seed, say)
-        if not (slopes := _road(found.located, found.best)):
-            return found, ()
+        level = _on_road(loaded, rig, nuisances, (), slow, without, seed, say)
+        if not (slopes := _road(level.located, level.best)):
+            return level, ()
         say("once more on roads that rise and fall")
         rolling = _on_road(loaded, rig, nuisances, slopes, slow, without, seed, say)
-        if _highest(rolling.located) > RAISED * max(_highest(found.located), 1.0):
-            return found, ()  # such a road is the candidate's, not the ride's
         return rolling, (_rolling(slopes),)
 
     say("locating the gap")
@@ -166,11 +162,6 @@ def _still_follows(found: Diagnosis, noise: NoiseModel) -> bool:
     assert isinstance(e.problem, RideProblem)
     vector = found.best.vector if found.effects and found.best is not None else e.vector
     return follows(e.problem, noise, vector, e.problem.residual(vector)) is not None
-
-
-def _highest(located: Located) -> float:
-    """Floors that the signal furthest off its floor stands at."""
-    return max(s.ratio for s in located.signals)
 
 
 def _rolling(slopes: Sequence[Array]) -> Finding:
@@ -242,7 +233,7 @@ def _explained(
         return found if found.verdict != "no_gap" else unsaid(found), counted
 
     found, counted = explained_with(floor)
-    is_large = _highest(located) > LARGE
+    is_large = max(s.ratio for s in located.signals) > LARGE
     for _ in range(TURNS):
         if not found.effects or not is_large:
             break
