@@ -90,6 +90,23 @@ def test_a_rider_who_leans_along_explains_lean_torque(weaving, plain):
     )
 
 
+def test_tyres_of_a_round_section_leave_less_of_the_weights_arm(weaving, plain):
+    """By the height of a body on a circle of that radius: its slope over lean is the weight's lever."""
+    rig, motion, section_m = NOMINAL, plain.motion, 0.015
+    values = dict(RideEffects.of(rig).values) | {
+        "bicycle.lean_torque.tyre_section.radius": section_m
+    }
+    told = RideEffects(values).lean_torque(rig, motion) - plain.lean_torque
+    lean, above_m, d = motion.q[:, 3], 1.0, 1e-5
+
+    def height(at: np.ndarray, round_m: float) -> np.ndarray:
+        return (above_m - round_m) * np.cos(at) + round_m
+
+    levers = [-(height(lean + d, r) - height(lean - d, r)) / (2.0 * d) for r in (0.0, section_m)]
+    weight = sum(rig.mass.m) * rig.mass.gravity
+    np.testing.assert_allclose(told, weight * (levers[0] - levers[1]), atol=1e-6 * weight)
+
+
 def test_springs_as_hard_as_stone_change_nothing(weaving, plain):
     rig = having("tyre_compliance", "bicycle", stiffness=1e10, damping=200.0)
     assert RideEffects.of(rig).gives_way

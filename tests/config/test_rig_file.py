@@ -124,3 +124,15 @@ def test_a_resolved_rig_loads_again():
 def test_current_becomes_force_through_screw_and_torque_constant():
     leg = load_rig("motorcycle").actuators[0]
     assert leg.force_per_ampere == pytest.approx(0.55 * 2 * 3.141592653589793 / 0.005 * 0.9)
+
+
+def test_a_motors_turn_by_its_transmission():
+    """Way a turn: a screw's lead; a pinion's circle, or a whole turn, over the gear."""
+    leg, slide = load_rig("motorcycle").actuators[1:]
+    assert leg.motor_turn == leg.transmission.lead
+    rack = slide.transmission
+    turns = (
+        1.0 / (2.0 * 3.141592653589793 * rack.pinion_radius) * rack.gear
+    )  # of the motor, a metre
+    assert slide.motor_turn == pytest.approx(1.0 / turns)
+    assert leg.model_copy(update={"transmission": None}).motor_turn is None

@@ -42,6 +42,24 @@ def test_answers_on_end_off_to_one_side_are_a_gap_and_single_ones_are_late(frame
     assert "axis.position" in found.sentence
 
 
+def test_a_lone_sample_may_be_a_tail_of_the_noise_and_counts_for_half_of_two(frame):
+    sent = frame[["t", "axis.setpoint"]].dropna()
+    sent = sent[sent["t"] > 3.0]
+    moved = sent["axis.setpoint"].diff().abs().rolling(25, center=True).max()
+    halves = moved.iloc[: len(moved) // 2], moved.iloc[len(moved) // 2 :]
+    there = [rows(frame, "axis.position", sent["t"][x.idxmin()], 1)[0] for x in halves]
+    stands = []
+    for sizes in ((120.0, 0.0), (120.0, -120.0), (264.0, 0.0)):
+        struck = frame.copy()
+        for size, row in zip(sizes, there, strict=True):
+            struck.loc[row, "axis.position"] += size * AXIS.noise.position
+        stands.append(jumps(locate(struck, AXIS)))
+    assert {signal for signal, _ in stands} == {"axis.position"}
+    alone, two, larger = (times for _, times in stands)
+    assert two > 1.25 * alone  # the other place's frames, were they late, would show more
+    assert larger == pytest.approx(2.2 * alone, rel=0.3)
+
+
 def test_a_start_that_sticks_is_a_gap(frame):
     moved = float(frame["t"][frame["axis.setpoint"].abs() > 5e-4].iloc[0])
     frame.loc[rows(frame, "axis.force", moved, 6), "axis.force"] += 60.0 * AXIS.noise.force

@@ -11,7 +11,7 @@ from scipy.signal import butter, lfilter, welch
 
 from hil.gap.bicycle.noise import CORNER_HZ, JUDGED_HZ, QUIET_HZ, SLUGGISH, _rise
 from hil.gap.bicycle.twin import LEAN_TORQUE
-from hil.gap.bicycle.verdict import unsaid
+from hil.gap.bicycle.verdict import unsaid, with_road
 
 RATE_HZ = 100.0
 SLOW_HZ = 3.0
@@ -69,7 +69,7 @@ class Found:
 def test_riders_and_roads_may_be_less_still_than_sensors_are_loud(signal, ratio, floor, verdict):
     """A road pitches a bicycle by 0.8 mrad/s, which only a quiet gyroscope knows."""
     told = [("imu.accel_z", 0.9, 0.1), (signal, ratio, floor)]
-    signals = [SimpleNamespace(signal=s, before=k * low, noise_floor=low) for s, k, low in told]
+    signals = [SimpleNamespace(signal=s, ratio=k * low / with_road(s, low)) for s, k, low in told]
     found = unsaid(Found(SimpleNamespace(signals=signals)))
     assert found.verdict == verdict
     assert (signal in found.sentence) == (verdict == "unknown")

@@ -105,9 +105,14 @@ class RideEffects:
 
     def lean_torque(self, rig: BicycleFile, motion: Motion) -> Array:
         """(N,) lean torque that nobody explains, N m: the model's less that of the rider's body, off by what
-        is told of one who sits to one side."""
+        is told of one who sits to one side and of tyres of a round section."""
         aside = self.values["bicycle.lean_torque.sensor_bias.offset"]
-        return np.asarray(motion.lean_torque - rider_torque(rig, motion, self.values) + aside)
+        section_m = self.values["bicycle.lean_torque.tyre_section.radius"]
+        weight = sum(rig.mass.m) * rig.mass.gravity
+        flank = weight * section_m * np.sin(motion.q[:, 3])
+        return np.asarray(
+            motion.lean_torque - rider_torque(rig, motion, self.values) + aside + flank
+        )
 
     def imu(self, t_s: Array, motion: Motion) -> Array:
         """(N, 6) what the IMU, as it is, answers at t_s (N,), on the run's clock."""

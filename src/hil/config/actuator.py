@@ -6,6 +6,7 @@ a rotary one. Loop gains follow the drive model: P position loop, PI speed loop,
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -145,15 +146,19 @@ class Actuator(Settings):
         return self
 
     @property
+    def motor_turn(self) -> float | None:
+        """Travel in one turn of the motor, m or rad; None where the transmission is not given."""
+        tr = self.transmission
+        if tr is None:
+            return None
+        if isinstance(tr, Screw):
+            return tr.lead
+        return 2.0 * math.pi / tr.gear * (tr.pinion_radius if isinstance(tr, Rack) else 1.0)
+
+    @property
     def force_per_ampere(self) -> float | None:
         """Output force a motor current makes, N/A (or N·m/A); None where the constants are not given."""
-        if self.torque_constant is None or self.transmission is None:
+        turn = self.motor_turn
+        if self.torque_constant is None or self.transmission is None or turn is None:
             return None
-        tr = self.transmission
-        if isinstance(tr, Screw):
-            ratio = 2.0 * 3.141592653589793 / tr.lead
-        elif isinstance(tr, Rack):
-            ratio = tr.gear / tr.pinion_radius
-        else:
-            ratio = tr.gear
-        return self.torque_constant * ratio * tr.efficiency
+        return self.torque_constant * 2.0 * math.pi / turn * self.transmission.efficiency

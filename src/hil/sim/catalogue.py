@@ -194,9 +194,12 @@ BICYCLE: Effects = {
         Spec("gain", "1", 0.0, -2.0, 2.0, 0.2),
     ),
 }  # fmt: skip
-LEAN_TORQUE: Effects = {"sensor_bias": (Spec("offset", "N·m", 0.0, -math.inf, math.inf, 3.0),)}
-"""Of the torque between rider and frame, which no sensor tells: a rider who sits to one side has one all the
-way."""
+LEAN_TORQUE: Effects = {
+    "sensor_bias": (Spec("offset", "N·m", 0.0, -math.inf, math.inf, 3.0),),
+    "tyre_section": (Spec("radius", "m", 0.0, -0.1, 0.1, 0.01),),
+}
+"""Of the torque that leans a bicycle, which no sensor tells: a rider who sits to one side has one all the
+way, and tyres of a round section roll on their flanks, so that less of the weight's arm is left."""
 WHEEL: Effects = {"wheel_radius": (Spec("scale", "1", 1.0, 0.8, 1.2, 0.01),)}
 FRAME: Final = Spec("frame", "1", 1.0, 0.0, 1.0, 0.0)
 """Of a rear wheel that is larger than the rig file's: 1 where the frame stands higher on it and is pitched,

@@ -19,7 +19,7 @@ from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.road import slopes_of
 from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
 from hil.gap.bicycle.sets import fit_sets
-from hil.gap.bicycle.verdict import by_energy, is_usual, twins, unsaid
+from hil.gap.bicycle.verdict import by_energy, is_usual, twins, unsaid, with_road
 from hil.gap.catalogue.nature import RIDER
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
@@ -226,7 +226,10 @@ def _explained(
         asked = replace(
             located,
             is_gap=True,
-            signals=tuple(replace(s, noise_floor=floors[s.signal]) for s in located.signals),
+            signals=tuple(
+                replace(s, noise_floor=with_road(s.signal, floors[s.signal]))
+                for s in located.signals
+            ),
             evidence=replace(e, noise=counted),
         )
         found = _weighed(asked, floor, chosen, steps, without, seed, say)

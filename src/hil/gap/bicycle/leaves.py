@@ -19,12 +19,14 @@ LEAN_ZERO: Final = 0.004
 """rad: how upright a bicycle is held when its inclinometer is zeroed [R]."""
 STEER_ZERO: Final = 0.0026
 """rad: one step of the encoder."""
-RADIUS: Final = 0.002
-"""Of a wheel's radius: tyre pressure and load [R]."""
-TURNS_BY: Final = 0.008
+RADIUS: Final = 0.003
+"""Of a wheel's radius: tyre pressure and load, under which it is neither the radius that it rolls by nor the
+height of the axle [R]."""
+TURNS_BY: Final = 0.01
 """Of the steer: what tyres of a round section and of a camber of their own turn a bicycle more or less by
-than wheels that are thin and roll where they point [R]."""
-TURNS_LATE_S: Final = 0.003
+than wheels that are thin and roll where they point: the side force of a wheel that is cambered as it is
+steered alone turns it by a fiftieth more [R]."""
+TURNS_LATE_S: Final = 0.004
 """By how much a bicycle turns later than it is steered: a tyre takes its side force up within some decimetres
 [R]."""
 ROLLING: Final = 0.5
@@ -38,6 +40,8 @@ MISALIGNMENT: Final = 0.003
 """rad: of a sensor that was screwed on and calibrated [R]."""
 ASIDE: Final = 2.5
 """N m of lean torque: half a centimetre by which a rider sits to one side [R]."""
+ROUND_M: Final = 0.012
+"""Radius of a tyre's section, on whose flank a leaning bicycle rolls [R: tyres are 25 to 50 mm wide]."""
 LATENCY_S: Final = 0.0015
 """A tenth of the ride's sample and more: nodes and IMU keep their own time [R]."""
 STIFF_FORK: Final = (6e3, 2e4, 6e4)
@@ -49,8 +53,8 @@ RATES: Final = (3e-4, 1e-3, 3e-3, 6e-3)
 
 
 def ride_nuisances(rig: BicycleFile, problem: Problem) -> tuple[Nuisance, ...]:
-    """Zeros of lean and steer, wheel radius, how tyres turn, how the rider sits, the IMU's biases, mounting
-    and time."""
+    """Zeros of lean and steer, wheel radius, how tyres turn and roll, how the rider sits, the IMU's biases,
+    mounting and time."""
     out = [
         Nuisance("lean.sensor_bias.offset", LEAN_ZERO, "rad"),
         Nuisance("steer.sensor_bias.offset", STEER_ZERO, "rad"),
@@ -60,6 +64,7 @@ def ride_nuisances(rig: BicycleFile, problem: Problem) -> tuple[Nuisance, ...]:
     ]
     if LEAN_TORQUE in problem.signals:
         out.append(Nuisance(f"{LEAN_TORQUE}.sensor_bias.offset", ASIDE, "N·m"))
+        out.append(Nuisance(f"{LEAN_TORQUE}.tyre_section.radius", ROUND_M, "m"))
     channels = [s for s in problem.signals if s.startswith("imu.")]
     for s in channels:
         noise = rig.noise.gyro if s.startswith("imu.gyro") else rig.noise.accel

@@ -72,9 +72,6 @@ LATE_S: Final = 0.001
 SLIP: Final = 8e-4
 """rad for each m/s² across, of a hard tyre's slip and of what fork and frame give way [R]: what is steered
 is not where the wheels roll."""
-ROUND_M: Final = 0.012
-"""Radius of a tyre's section, by which what it bears across misses the wheel's plane [R: tyres are 25 to
-50 mm wide]."""
 FIRM: Final = (2.5e5, 250.0)
 """N/m and N s/m of a hard tyre under its load, one standard deviation softer than none that gives [R: road
 tyres have 150 to 300 kN/m]."""
@@ -215,8 +212,6 @@ def with_tolerances(
             built = replace(twin, bicycle=_built(twin.bicycle, own))
             steered = slipped(twin, values, SLIP * own.standard_normal())
             right, wrong = twin.answer(values), built.answer(told, steered)
-            if LEAN_TORQUE in wrong:
-                wrong[LEAN_TORQUE] += ROUND_M * own.standard_normal() * _pull(twin, values)
             parts += [EDGE * (wrong[s] - right[s]) for s in twin.signals]
         off[d] = np.concatenate(parts)
     off = np.where(np.isfinite(off), off, 0.0)
@@ -226,12 +221,6 @@ def with_tolerances(
         draws=model.draws + freed.draws,
         text=f"{model.text}; for the verdict with what a healthy bicycle is off its file by",
     )
-
-
-def _pull(twin: RideTwin, values: Mapping[str, float]) -> Array:
-    """(J,) the force across that the wheels bear, N: tyres of a round section bear it so much to the side."""
-    motion = twin.motion(values)
-    return np.asarray(sum(twin.rig.mass.m) * (motion.speed * motion.qd[:, 2])[twin.judged])
 
 
 def _built(nominal: Packed, rng: np.random.Generator) -> Packed:

@@ -18,7 +18,6 @@ from hil.gap.judged.clear import asked, other_than_facts
 from hil.gap.judged.diagnosis import Cause, Diagnosis
 from hil.gap.judged.doubt import BORNE_OUT, STANDS, chance, least_explained
 from hil.gap.judged.verdict import judge
-from hil.gap.located.result import SignalGap
 
 EXPLAINED: Final = 0.72
 """Share of a gap's energy that a verdict must explain, half of the time [set on training cases]."""
@@ -114,7 +113,7 @@ def leaves_as_much(c: Calibrated, best: Fit, unseen: Score) -> bool:
 def unsaid(found: Diagnosis) -> Diagnosis:
     """`found`, no gap for want of a candidate; unknown where a signal stands above what noise and tolerances
     make of it."""
-    above = {s.signal: _above(s) for s in found.located.signals}
+    above = {s.signal: s.ratio for s in found.located.signals}
     over = {name: ratio for name, ratio in above.items() if ratio >= RESTLESS.get(name, UNSAID)}
     if not over:
         return found
@@ -194,7 +193,7 @@ def by_energy(found: Diagnosis, measured: NoiseModel) -> Diagnosis:
 
 def _explained(c: Calibrated, none: Fit, best: Fit, is_sure: bool) -> float:
     """Share of the energy above the floor, tolerances and moments and all, that `best` explains."""
-    floors = {s: _with_road(s, floor) for s, floor in c.noise.floor(c.problem).items()}
+    floors = {s: with_road(s, floor) for s, floor in c.noise.floor(c.problem).items()}
     before, after = (c.noise.rms(c.problem, f.residual) for f in (none, best))
     return _share(floors, before, after, is_sure)
 
@@ -202,17 +201,12 @@ def _explained(c: Calibrated, none: Fit, best: Fit, is_sure: bool) -> float:
 def _wholly(c: Calibrated, measured: NoiseModel, none: Fit, best: Fit, is_sure: bool) -> float:
     """The same above the floor `measured`, each sample by its noise."""
     drawn = measured.weighted_rms(c.problem, measured.draws)
-    floors = {s: _with_road(s, floor) for s, floor in drawn.items()}
+    floors = {s: with_road(s, floor) for s, floor in drawn.items()}
     before, after = (measured.weighted_rms(c.problem, f.residual) for f in (none, best))
     return _share(floors, before, after, is_sure)
 
 
-def _above(s: SignalGap) -> float:
-    """Floors that a signal stands at, a level road among them."""
-    return s.before / max(_with_road(s.signal, s.noise_floor), 1e-300)
-
-
-def _with_road(signal: str, floor: float) -> float:
+def with_road(signal: str, floor: float) -> float:
     """A signal's floor with what a level road adds, in its unit."""
     return math.hypot(floor, ROAD.get(signal, 0.0))
 

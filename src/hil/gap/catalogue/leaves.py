@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import Actuator, AxisGeometry
-from hil.gap.catalogue.periods import force_periods, lead_periods
+from hil.gap.catalogue.periods import force_periods, lead_periods, with_turn
 from hil.gap.record.leaf import Changes, Leaf, Start
 from hil.gap.record.problem import Problem
 
@@ -144,7 +144,7 @@ def _actuator(
         ]
         if starts:
             out.append(leaf(limit, "limit knee", starts))
-    periods = force_periods(problem, residual, name)
+    periods = with_turn(force_periods(problem, residual, name), a, travel)
     if periods:
         out.append(
             leaf("force_ripple", "amplitude period phase",
@@ -157,7 +157,7 @@ def _actuator(
     lead: list[tuple[Changes, ...]] = [({}, {"scale": 1.005})]
     lead += [
         ({"period": p}, *_waves(scale("lead_error", "amplitude")))
-        for p in lead_periods(problem, residual, name)
+        for p in with_turn(lead_periods(problem, residual, name), a, travel)
     ]
     out.append(leaf("lead_error", "scale amplitude period phase", lead))
     return out

@@ -50,7 +50,7 @@ CRYSTALS: Final = 3e-5
 """s/s: what the clocks of healthy drives and hosts differ by: crystals are within 20 ppm, two of them within
 30 most likely [R]. No nuisance: what differs by no more is no finding."""
 RATE: Final = ".clock_drift.rate"
-WOBBLE_M: Final = 6e-6
+WOBBLE_M: Final = 8e-6
 """Amplitude of a lead error that any screw has in each turn, rolled ones too [R]."""
 LOOPS: Final = {"position": 0.03, "speed": 0.08, "integral": 0.12}
 """Off 1, within which the gains of any drive's loops seem to be: its filters, the time it computes for and a

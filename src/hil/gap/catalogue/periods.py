@@ -1,15 +1,18 @@
-"""Periods over the travel at which a residual repeats itself: where fits of ripple and lead errors start.
+"""Periods over the travel at which a residual repeats itself, and a motor's turn: where fits of ripple and of
+lead errors start.
 
 Forces tell of them; where forces are set, what a twin that is led by positions lacks of acceleration.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.config import Actuator
 from hil.gap.record.led import lacking
 from hil.gap.record.problem import Problem
 
@@ -22,6 +25,8 @@ A_DECADE: Final = 120
 MOST: Final = 2
 CYCLES: Final = 1.3
 """The travel must hold so many of a period."""
+ALIKE: Final = 0.005
+"""Of a period, by which a fit that starts at another one finds it."""
 
 
 def force_periods(problem: Problem, residual: Array, actuator: str) -> list[float]:
@@ -32,6 +37,15 @@ def force_periods(problem: Problem, residual: Array, actuator: str) -> list[floa
 def lead_periods(problem: Problem, residual: Array, actuator: str) -> list[float]:
     """Periods of an error of the lead: what it costs in force grows with the square of the speed."""
     return _periods(problem, residual, actuator, by_speed=True)
+
+
+def with_turn(periods: Sequence[float], actuator: Actuator, travel: float) -> list[float]:
+    """`periods`, and one turn of the motor where they have none like it and the `travel` (m or rad) holds
+    some: what wobbles does so in each turn, which a short travel alone tells badly."""
+    turn, out = actuator.motor_turn, list(periods)
+    if turn is None or turn * CYCLES > travel or any(abs(p / turn - 1.0) < ALIKE for p in out):
+        return out
+    return [*out, turn]
 
 
 def _periods(problem: Problem, residual: Array, actuator: str, *, by_speed: bool) -> list[float]:

@@ -21,8 +21,10 @@ WILD: Final = {"position": 3.0, "accel": 4.5}
 """Floors of a signal, lone samples and all, that are a gap alone: healthy rigs of three worlds stay below 1.2
 and 3.1, for late frames are felt by accelerometers as well."""
 STRUCK: Final = {"position": 10.0, "force": 250.0, "current": 250.0}
-"""Spreads that a lone sample must have to be a gap alone, what a frame that is LATE does among them: healthy
-rigs of two worlds stay below 4.6 and, struck by the latest of frames, 121."""
+"""Spreads that two lone samples must have, or one TWICE as many, to be a gap alone, what a frame that is LATE
+does among them: healthy rigs of two worlds stay below 4.6 and, struck by the latest of frames, 121; where
+noise has heavy tails one sample of tens of thousands had 11.7."""
+TWICE: Final = 2.0
 LATE: Final = 0.2
 """Of a cycle."""
 NEAR: Final = 9
@@ -105,7 +107,8 @@ def _wild(located: Located, signal: str) -> float:
 
 
 def _shocks(located: Located) -> dict[str, float]:
-    """By signal of a drive, its largest lone sample over its noise and what late frames do to it."""
+    """By signal of a drive, the second largest of its lone samples over its noise and what late frames do to
+    it; one that stands alone counts for less."""
     e = located.evidence
     parts = [x for x in e.problem.series if x.quantity in STRUCK]
     if not parts:
@@ -115,8 +118,11 @@ def _shocks(located: Located) -> dict[str, float]:
     for x in parts:
         near = maximum_filter1d(late[x.part], NEAR)
         size = np.abs(e.residual[x.part]) / (e.noise.sigma[x.part] + near)
-        largest = float(np.max(size[e.problem.kept[x.part]], initial=0.0))
-        out[x.signal] = max(out.get(x.signal, 0.0), largest)
+        size = size * e.problem.kept[x.part]
+        first = int(np.argmax(size))
+        others = np.delete(size, slice(max(first - NEAR // 2, 0), first + NEAR // 2 + 1))
+        lone = max(float(size[first]) / TWICE, float(np.max(others, initial=0.0)))
+        out[x.signal] = max(out.get(x.signal, 0.0), lone)
     return out
 
 
