@@ -26,9 +26,9 @@ TURNS_BY: Final = 0.01
 """Of the steer: what tyres of a round section and of a camber of their own turn a bicycle more or less by
 than wheels that are thin and roll where they point: the side force of a wheel that is cambered as it is
 steered alone turns it by a fiftieth more [R]."""
-TURNS_LATE_S: Final = 0.004
-"""By how much a bicycle turns later than it is steered: a tyre takes its side force up within some decimetres
-[R]."""
+TURNS_LATE_S: Final = 0.003
+"""By how much a bicycle turns later than it is steered, give or take as much: a tyre takes its side force up
+within some decimetres [R]. Earlier, by more than that, no tyre lets it turn."""
 ROLLING: Final = 0.5
 """Of both, how far they go with speed, load and road."""
 IMU_BIAS: Final = 0.5
@@ -60,7 +60,9 @@ def ride_nuisances(rig: BicycleFile, problem: Problem) -> tuple[Nuisance, ...]:
         Nuisance("steer.sensor_bias.offset", STEER_ZERO, "rad"),
         Nuisance("rear_wheel.wheel_radius.scale", RADIUS, "1"),
         Nuisance("steer.sensor_scale.scale", TURNS_BY, "1", drift=ROLLING),
-        Nuisance("steer.sensor_latency.delay", TURNS_LATE_S, "s", drift=ROLLING),
+        Nuisance(
+            "steer.sensor_latency.delay", TURNS_LATE_S, "s", mean=-TURNS_LATE_S, drift=ROLLING
+        ),
     ]
     if LEAN_TORQUE in problem.signals:
         out.append(Nuisance(f"{LEAN_TORQUE}.sensor_bias.offset", ASIDE, "N·m"))
