@@ -21,10 +21,11 @@ WILD: Final = {"position": 3.0, "accel": 4.5}
 """Floors of a signal, lone samples and all, that are a gap alone: healthy rigs of three worlds stay below 1.2
 and 3.1, for late frames are felt by accelerometers as well."""
 STRUCK: Final = {"position": 10.0, "force": 250.0, "current": 250.0}
-"""Spreads that two lone samples must have, or one TWICE as many, to be a gap alone, what a frame that is LATE
-does among them: healthy rigs of two worlds stay below 4.6 and, struck by the latest of frames, 121; where
-noise has heavy tails one sample of tens of thousands had 11.7."""
+"""Spreads that a lone sample must have to be a gap alone, what a frame that is LATE does among them: healthy
+rigs of two worlds stay below 4.6 and, struck by the latest of frames, 121."""
 TWICE: Final = 2.0
+"""Times as many that a position must have where no second one has them: where noise has heavy tails, one of
+tens of thousands had 11.7."""
 LATE: Final = 0.2
 """Of a cycle."""
 NEAR: Final = 9
@@ -107,8 +108,8 @@ def _wild(located: Located, signal: str) -> float:
 
 
 def _shocks(located: Located) -> dict[str, float]:
-    """By signal of a drive, the second largest of its lone samples over its noise and what late frames do to
-    it; one that stands alone counts for less."""
+    """By signal of a drive, its largest lone sample over its noise and what late frames do to it; of a
+    position the second largest, which one alone must be TWICE of."""
     e = located.evidence
     parts = [x for x in e.problem.series if x.quantity in STRUCK]
     if not parts:
@@ -120,9 +121,11 @@ def _shocks(located: Located) -> dict[str, float]:
         size = np.abs(e.residual[x.part]) / (e.noise.sigma[x.part] + near)
         size = size * e.problem.kept[x.part]
         first = int(np.argmax(size))
-        others = np.delete(size, slice(max(first - NEAR // 2, 0), first + NEAR // 2 + 1))
-        lone = max(float(size[first]) / TWICE, float(np.max(others, initial=0.0)))
-        out[x.signal] = max(out.get(x.signal, 0.0), lone)
+        largest = float(size[first])
+        if x.quantity == "position":
+            others = np.delete(size, slice(max(first - NEAR // 2, 0), first + NEAR // 2 + 1))
+            largest = max(largest / TWICE, float(np.max(others, initial=0.0)))
+        out[x.signal] = max(out.get(x.signal, 0.0), largest)
     return out
 
 
