@@ -168,7 +168,7 @@ def test_a_wheel_that_the_file_has_wrong_is_the_first_of_those_that_shorten_the_
 
 
 def test_a_larger_wheel_that_pitches_the_frame_is_no_scale():
-    grown = ("wheel_radius", "rear_wheel", {"scale": 1.03})
+    grown = ("wheel_radius", "rear_wheel", {"scale": 1.05})
     found = diagnose_rides([ridden(short(), 22, grown)], NOMINAL)
     assert [x.effect for x in found.effects] == ["wheel_radius"]
     assert "frame" not in found.effects[0].parameters

@@ -19,16 +19,16 @@ LEAN_ZERO: Final = 0.004
 """rad: how upright a bicycle is held when its inclinometer is zeroed [R]."""
 STEER_ZERO: Final = 0.0026
 """rad: one step of the encoder."""
-RADIUS: Final = 0.003
+RADIUS: Final = 0.0025
 """Of a wheel's radius: tyre pressure and load, under which it is neither the radius that it rolls by nor the
 height of the axle [R]."""
 TURNS_BY: Final = 0.01
 """Of the steer: what tyres of a round section and of a camber of their own turn a bicycle more or less by
 than wheels that are thin and roll where they point: the side force of a wheel that is cambered as it is
 steered alone turns it by a fiftieth more [R]."""
-TURNS_LATE_S: Final = 0.003
-"""By how much a bicycle turns later than it is steered, give or take as much: a tyre takes its side force up
-within some decimetres [R]. Earlier, by more than that, no tyre lets it turn."""
+TURNS_LATE_S: Final = (0.0015, 0.0035)
+"""By how much a bicycle turns later than it is steered, and give or take how much: a tyre takes its side
+force up within some decimetres [R]; none lets it turn earlier."""
 ROLLING: Final = 0.5
 """Of both, how far they go with speed, load and road."""
 IMU_BIAS: Final = 0.5
@@ -40,8 +40,9 @@ MISALIGNMENT: Final = 0.003
 """rad: of a sensor that was screwed on and calibrated [R]."""
 ASIDE: Final = 2.5
 """N m of lean torque: half a centimetre by which a rider sits to one side [R]."""
-ROUND_M: Final = 0.012
-"""Radius of a tyre's section, on whose flank a leaning bicycle rolls [R: tyres are 25 to 50 mm wide]."""
+ROUND_M: Final = (0.012, 0.008)
+"""Radius of a tyre's section, on whose flank a leaning bicycle rolls, and give or take how much [R: tyres are
+25 to 50 mm wide; a file's heights may be off as well]."""
 LATENCY_S: Final = 0.0015
 """A tenth of the ride's sample and more: nodes and IMU keep their own time [R]."""
 STIFF_FORK: Final = (6e3, 2e4, 6e4)
@@ -55,18 +56,18 @@ RATES: Final = (3e-4, 1e-3, 3e-3, 6e-3)
 def ride_nuisances(rig: BicycleFile, problem: Problem) -> tuple[Nuisance, ...]:
     """Zeros of lean and steer, wheel radius, how tyres turn and roll, how the rider sits, the IMU's biases,
     mounting and time."""
+    late_s, give_s = TURNS_LATE_S
     out = [
         Nuisance("lean.sensor_bias.offset", LEAN_ZERO, "rad"),
         Nuisance("steer.sensor_bias.offset", STEER_ZERO, "rad"),
         Nuisance("rear_wheel.wheel_radius.scale", RADIUS, "1"),
         Nuisance("steer.sensor_scale.scale", TURNS_BY, "1", drift=ROLLING),
-        Nuisance(
-            "steer.sensor_latency.delay", TURNS_LATE_S, "s", mean=-TURNS_LATE_S, drift=ROLLING
-        ),
+        Nuisance("steer.sensor_latency.delay", give_s, "s", mean=-late_s, drift=ROLLING),
     ]
     if LEAN_TORQUE in problem.signals:
         out.append(Nuisance(f"{LEAN_TORQUE}.sensor_bias.offset", ASIDE, "N·m"))
-        out.append(Nuisance(f"{LEAN_TORQUE}.tyre_section.radius", ROUND_M, "m"))
+        section_m, spread_m = ROUND_M
+        out.append(Nuisance(f"{LEAN_TORQUE}.tyre_section.radius", spread_m, "m", mean=section_m))
     channels = [s for s in problem.signals if s.startswith("imu.")]
     for s in channels:
         noise = rig.noise.gyro if s.startswith("imu.gyro") else rig.noise.accel
