@@ -131,8 +131,6 @@ def test_a_motors_turn_by_its_transmission():
     leg, slide = load_rig("motorcycle").actuators[1:]
     assert leg.motor_turn == leg.transmission.lead
     rack = slide.transmission
-    turns = (
-        1.0 / (2.0 * 3.141592653589793 * rack.pinion_radius) * rack.gear
-    )  # of the motor, a metre
-    assert slide.motor_turn == pytest.approx(1.0 / turns)
+    turns_a_metre = rack.gear / (2.0 * 3.141592653589793 * rack.pinion_radius)  # of the motor
+    assert slide.motor_turn == pytest.approx(1.0 / turns_a_metre)
     assert leg.model_copy(update={"transmission": None}).motor_turn is None
