@@ -41,7 +41,7 @@ def searched():
     def fitted(*names: str):
         some = [leaves[n] for n in names]
         p = search.set_of(tuple(bank.leaves.index(x) for x in some))
-        return fit(c, some, search.felt(changes_of(some, p.starts, c.problem)), p.z)
+        return fit(c, some, search.felt(changes_of(some, p.starts, c.problem), p), p.z)
 
     return c, none, search, fitted
 

@@ -175,7 +175,10 @@ def test_a_fast_ripple_is_no_noise():
             (-2e-6, 0.005),
             ["axis.lead_error"],
         ),
-        (("axis.lead_error.amplitude", "axis.lead_error.period"), (9e-6, 0.005), []),
+        (("axis.lead_error.amplitude", "axis.lead_error.period"), (9e-6, 0.005), ["axis.lead_error"]),
+        (("axis.lead_error.amplitude", "axis.lead_error.period"), (10e-6, 0.005), []),
+        (("axis.compliance.stiffness", "axis.compliance.damping"), (2e7, 3e3), ["axis.compliance"]),
+        (("axis.compliance.stiffness", "axis.compliance.damping"), (5e6, 3e3), []),
         (("axis.lead_error.scale",), (1.02,), []),
         (
             ("axis.loop_gain.position", "axis.loop_gain.speed", "axis.loop_gain.integral"),
@@ -193,7 +196,7 @@ def test_clocks_screws_and_loops_that_differ_as_any_do_are_no_finding(names, val
         for at, e in effects
     )
     f = SimpleNamespace(leaves=leaves, names=names, values=np.array(values))
-    assert [leaf.name for leaf in usual_of(f)] == usual
+    assert [leaf.name for leaf in usual_of(f, AXIS)] == usual
 
 
 @pytest.mark.parametrize(

@@ -107,6 +107,14 @@ def test_what_a_calibrated_scale_is_off_by_is_left_of_gravity(healthy):
     assert down == pytest.approx(np.hypot(0.04, 0.002 * 9.81), rel=0.01)
 
 
+def test_a_scale_far_from_one_is_fitted_though_a_usual_one_would_not_be_felt():
+    """Two per cent of an acceleration of 0.3 m/s² drown in its noise, forty do not."""
+    rough = ("sensor_scale", "imu.accel_x", {"scale": 1.4})
+    found = diagnose_rides([ridden(short(), 25, rough)], NOMINAL)
+    assert (found.causes[0].effect, found.causes[0].location) == rough[:2], found.sentence
+    assert found.causes[0].parameters["scale"].value == pytest.approx(1.4, abs=0.1)
+
+
 def test_a_rider_who_sits_to_one_side_turns_no_sensor(healthy):
     """A centimetre of an upper body: 5 N m of lean torque all the way, of which lean's zero and the IMU's
     mounting need to take no more than healthy ones have."""

@@ -19,7 +19,7 @@ from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.road import slopes_of
 from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
 from hil.gap.bicycle.sets import fit_sets
-from hil.gap.bicycle.verdict import by_energy, is_usual, twins, unsaid, with_road
+from hil.gap.bicycle.verdict import by_energy, is_usual, standing, twins, unsaid, with_road
 from hil.gap.catalogue.nature import RIDER
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
@@ -267,7 +267,9 @@ def _weighed(
     fits = fit_sets(c, none, Search(c, bank), bank.leaves, say)
     if steps:
         fits = rounded(c, fits, steps)
-    held, is_large = ~parts.train(e.problem), stands(located, c, none)
+    held = ~parts.train(e.problem)
+    # What is a gap without a candidate is one with whichever explains it.
+    is_large = stands(located, c, none) or bool(standing(located))
 
     def answered(some: Sequence[Fit]) -> Diagnosis:
         every = [none, *some]

@@ -60,7 +60,7 @@ def fit_sets(
                 leaf = leaves[p.leaves[0]]
                 some = (*head.leaves, leaf)
                 key = frozenset(x.name for x in some)
-                start = search.felt(changes_of([leaf], p.starts, c.problem))
+                start = search.felt(changes_of([leaf], p.starts, c.problem), p)
                 if key in tried or not start:
                     continue
                 say("fitting " + " + ".join(x.name for x in some))
@@ -86,7 +86,7 @@ def _singles(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report)
     out = []
     for k, p in enumerate(some):
         leaf = leaves[p.leaves[0]]
-        start = search.felt(changes_of([leaf], p.starts, c.problem))
+        start = search.felt(changes_of([leaf], p.starts, c.problem), p)
         if not start:
             continue
         say(f"fitting {leaf.name} ({k + 1})")

@@ -18,6 +18,7 @@ from hil.gap.judged.clear import asked, other_than_facts
 from hil.gap.judged.diagnosis import Cause, Diagnosis
 from hil.gap.judged.doubt import BORNE_OUT, STANDS, chance, least_explained
 from hil.gap.judged.verdict import judge
+from hil.gap.located.result import Located
 
 EXPLAINED: Final = 0.72
 """Share of a gap's energy that a verdict must explain, half of the time [set on training cases]."""
@@ -110,11 +111,16 @@ def leaves_as_much(c: Calibrated, best: Fit, unseen: Score) -> bool:
     return unseen.after * seen.floor <= AS_MUCH * seen.after * unseen.floor
 
 
+def standing(located: Located) -> dict[str, float]:
+    """Signals that stand above what noise and tolerances make of them, and so are a gap whatever explains it,
+    with the floors that they do."""
+    above = {s.signal: s.ratio for s in located.signals}
+    return {name: ratio for name, ratio in above.items() if ratio >= RESTLESS.get(name, UNSAID)}
+
+
 def unsaid(found: Diagnosis) -> Diagnosis:
-    """`found`, no gap for want of a candidate; unknown where a signal stands above what noise and tolerances
-    make of it."""
-    above = {s.signal: s.ratio for s in found.located.signals}
-    over = {name: ratio for name, ratio in above.items() if ratio >= RESTLESS.get(name, UNSAID)}
+    """`found`, no gap for want of a candidate; unknown where a signal is one all the same."""
+    over = standing(found.located)
     if not over:
         return found
     worst = max(over, key=lambda s: over[s])

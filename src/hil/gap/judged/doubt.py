@@ -128,7 +128,7 @@ def doubt(
         other = max(other, AT_BOUND)
     if waves and len(waves) == len(f.leaves):
         other = max(other, chance(told.share, WAVE_EXPLAINED))
-    harms = part.after > HARM[0] * part.before and len(others) == len(f.leaves)
+    harms = part.after > HARM[0] * part.before and len(others) > 0
     if harms and not _strikes(c, f, told.gain):
         other = max(other, HARM[1])
     once = largest_ratio(c, none) < RARE and all(leaf.effect in EVENTS for leaf in others)

@@ -10,17 +10,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.config import RigFile
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nature import EVENTS, MOMENTS
 from hil.gap.catalogue.nuisances import CRYSTALS, LOOPS, WOBBLE_M
-from hil.gap.fits.evidence import weigh
+from hil.gap.catalogue.sprung import SOFTEST_HZ, stiffness_at
+from hil.gap.fits.evidence import Weighed, weigh
 from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import ANSWERS
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import largest_ratio
-from hil.gap.judged.causes import Shown, weighed_causes, without_doubtful
+from hil.gap.judged.causes import OTHER_LAW, Shown, weighed_causes, without_doubtful
 from hil.gap.judged.clear import asked, clear, other_than_facts, signals
 from hil.gap.judged.constancy import Variation
 from hil.gap.judged.diagnosis import Cause, Diagnosis, Verdict
@@ -52,6 +54,11 @@ was not had 0.2]."""
 WHOLE: Final = 0.9
 """Share of a small gap from which on what is nearly certain is none by chance, though unseen data hardly show
 it: of 35 healthy axes and motorcycles of two worlds of others the best candidates have 8 nats and less."""
+LOSSY: Final = 0.01
+"""Share of the drives' answers from which on a bus that loses them is a finding whatever else there is: it
+loses setpoints as well, of which not each loss shows."""
+BESIDE: Final = 0.25
+"""Chance then that what else there is is all there is."""
 HARDLY: Final = 0.05
 """Held-out shrink below which a sentence says that unseen data show little of what was found."""
 VISIBLE: Final = 0.3
@@ -122,18 +129,21 @@ def answer(
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
     share = explained_share(c, none, first, gain)
-    usual = usual_of(first)
+    usual = usual_of(first, c.problem.rig)
     if len(usual) == len(first.leaves) and is_large and by_share(share, gain) > 0.5:
         return replace(_nothing_like_it(located, held_out), not_excited=not_excited(c, bank))
     if len(usual) == len(first.leaves):
-        sentence = (
-            "No gap but clocks, screws and loops that are off as any are (30 ppm, 6 µm, 3 %)."
-        )
+        sentence = "No gap but clocks, screws and loops that are off as any are (30 ppm, 8 µm, 60 Hz, 3 %)."
         found = replace(no_gap(located, held_out), sentence=sentence)
         return replace(found, not_excited=not_excited(c, bank))
     part = unseen(first)
     whole = shown.score(first, c.problem.signals)
     unknown, varies = doubt(c, none, first, Told(share, gain, part), bank, worth)
+    lossy = _lossy(weighed) if unknown > 0.5 and other_than_facts(first) else None
+    if lossy is not None:
+        weighed, first, usual = [replace(lossy, probability=1.0)], lossy.fit, []
+        gain, part, varies = lossy.log_evidence - zero, unseen(first), None
+        whole, unknown = shown.score(first, c.problem.signals), BESIDE
     if unknown > 0.5 and by_share(share, gain) > 0.5 and not is_large:
         return replace(_small(located, held_out), not_excited=not_excited(c, bank))
     is_plain = all(leaf.effect in (LOST, ROUNDED) for leaf in first.leaves)
@@ -159,6 +169,8 @@ def answer(
     shrink = part.shrink if other_than_facts(first) else None
     verdict, sentence = judge(chosen, causes, unknown, shrink, varies)
     lost = dict(zip(first.names, first.values.tolist(), strict=True)).get(ANSWERS, 0.0)
+    if lossy is not None:
+        sentence += " Besides there is what nothing in the catalogue explains."
     if lost:
         sentence += f" Of the drives' answers {100.0 * lost:.2g} % never came."
     if usual and verdict != "unknown":
@@ -188,9 +200,9 @@ def _loudest(located: Located) -> Place | None:
     return max(loud, key=lambda p: loud[p], default=None)
 
 
-def usual_of(f: Fit) -> list[Leaf]:
-    """Effects of a fit that are no more than what any rig has: two clocks differ, a screw wobbles, a drive
-    has filters."""
+def usual_of(f: Fit, rig: RigFile) -> list[Leaf]:
+    """Effects of a fit that are no more than what any rig has: two clocks differ, a screw wobbles and gives
+    a little, a drive has filters."""
     values: dict[str, float] = dict(zip(f.names, f.values.tolist(), strict=True))
 
     def is_usual(leaf: Leaf) -> bool:
@@ -199,10 +211,23 @@ def usual_of(f: Fit) -> list[Leaf]:
             return abs(mine["rate"]) < CRYSTALS
         if leaf.effect == "loop_gain":
             return all(abs(v - 1.0) < LOOPS[k] for k, v in mine.items())
+        if leaf.effect == "compliance":
+            own = next(a for a in rig.actuators if a.name == leaf.location)
+            return mine["stiffness"] > stiffness_at(own, SOFTEST_HZ)
         is_wave = leaf.effect == "lead_error" and "scale" not in mine
-        return is_wave and abs(mine.get("amplitude", math.inf)) < WOBBLE_M
+        return is_wave and (1.0 - OTHER_LAW) * abs(mine.get("amplitude", math.inf)) < WOBBLE_M
 
     return [leaf for leaf in f.leaves if is_usual(leaf)]
+
+
+def _lossy(weighed: Sequence[Weighed]) -> Weighed | None:
+    """The best of `weighed` that has nothing but facts, answers that never came in LOSSY shares among
+    them."""
+    for w in weighed:
+        share = dict(zip(w.fit.names, w.fit.values.tolist(), strict=True)).get(ANSWERS, 0.0)
+        if share > LOSSY and not other_than_facts(w.fit):
+            return w
+    return None
 
 
 def _is_once(c: Calibrated, f: Fit, gain: float) -> bool:

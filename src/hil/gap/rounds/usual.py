@@ -1,4 +1,5 @@
-"""What any rig has and a fine encoder shows, a screw's wobble and a drive's filters: the twin has it, too.
+"""What any rig has and a fine encoder shows, a screw's wobble, its give and a drive's filters: the twin has
+it, too.
 
 Left to the candidates it takes places in sets from what is wrong, and what it explains is missing where a
 cause must explain most of a gap. It is no finding (`hil.gap.judged.verdict`), whatever else is there.
@@ -20,7 +21,7 @@ from hil.gap.rounds.question import Question
 from hil.gap.rounds.round import Considered, considered
 from hil.units import with_unit
 
-FINE: Final = frozenset({"lead_error", "loop_gain"})
+FINE: Final = frozenset({"lead_error", "loop_gain", "compliance"})
 """Effects of which that is so."""
 TURNS: Final = 2
 """Times that is asked: beside a screw's wobble a drive's filters show."""
@@ -31,8 +32,8 @@ def with_usual(q: Question, mine: Considered) -> Considered:
     that is no more than any rig's."""
     for _ in range(TURNS):
         best = weigh(mine.calibrated, mine.fits)[0][0].fit
-        own = [_line(best, leaf) for leaf in usual_of(best) if leaf.effect in FINE]
-        if not own or len(usual_of(best)) == len(best.leaves):
+        own = [_line(best, leaf) for leaf in usual_of(best, mine.rig) if leaf.effect in FINE]
+        if not own or len(usual_of(best, mine.rig)) == len(best.leaves):
             break
         q.say(f"once more with {_named(mine, own)}, no larger than any rig's")
         known = {(x.effect, x.location) for x in own}

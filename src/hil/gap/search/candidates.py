@@ -123,7 +123,7 @@ def _single_fits(
     for k, p in enumerate(_worth_a_fit(proposals, leaves)):
         leaf = leaves[p.leaves[0]]
         say(f"fitting {leaf.name} ({k + 1})")
-        start = search.felt(changes_of([leaf], p.starts, c.problem))
+        start = search.felt(changes_of([leaf], p.starts, c.problem), p)
         found = fit(c, [leaf], start, p.z) if start else None
         if found is not None:
             out.append(found)

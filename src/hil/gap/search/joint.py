@@ -72,7 +72,7 @@ def joint_fits(
             leaf = leaves[p.leaves[0]]
             some = (*head.leaves, leaf)
             say("fitting " + " + ".join(x.name for x in some))
-            start = search.felt(changes_of([leaf], p.starts, c.problem))
+            start = search.felt(changes_of([leaf], p.starts, c.problem), p)
             if not start:
                 continue  # it changes nothing that these data would show
             joint = fit(c, some, {**relative(c, head), **start}, p.z)
@@ -140,7 +140,7 @@ def _unseen_pairs(
         if {a.name, b.name} in have or not (may_join(a, [b]) and may_join(b, [a])):
             continue
         say(f"fitting {a.name} + {b.name}")
-        start = search.felt(changes_of([a, b], p.starts, c.problem))
+        start = search.felt(changes_of([a, b], p.starts, c.problem), p)
         joint = fit(c, [a, b], start, p.z) if start else None
         if joint is not None and is_itself(c, joint) and adds(c, fits[1:], joint):
             out.append(joint)
@@ -218,7 +218,7 @@ def _as_good(
         ]  # fmt: skip
     out: list[Fit] = []
     for head, x, p in tries[:MOST]:
-        start = search.felt(changes_of([x], p.starts, c.problem))
+        start = search.felt(changes_of([x], p.starts, c.problem), p)
         if not start:
             continue
         say("fitting " + " + ".join(y.name for y in (*head.leaves, x)))

@@ -35,7 +35,7 @@ NEAR_RANGE: Final = (0.8, 1.25)
 ROBUST: Final = 4
 """Reweighted steps that make amplitudes robust."""
 FELT: Final = 1.0
-"""Squared whitened size that a usual step of a parameter must have to be fitted."""
+"""Squared whitened size that a usual step of a parameter, or the proposed one, must have to be fitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,14 +104,21 @@ class Search:
             moves[some] = S
             self._pictures.append((raw - AT.T @ S[:, :-1], inner - AT.T @ S[:, -1], moves))
 
-    def felt(self, start: Mapping[str, float]) -> dict[str, float]:
-        """`start` without parameters whose own columns change nothing that these data would show."""
+    def felt(self, start: Mapping[str, float], p: Proposal) -> dict[str, float]:
+        """`start`, that of `p`, without parameters whose own columns change nothing that these data would
+        show: neither by a usual step nor by the one that is proposed."""
         dull: set[str] = set()
         seen: set[str] = set()
+        steps = {
+            k: float(a)
+            for leaf, (s, amplitudes) in zip(p.leaves, p.starts, strict=True)
+            for k, a in zip(self.bank.places[leaf][s], amplitudes, strict=True)
+        }
         for leaf, places in zip(self.bank.leaves, self.bank.places, strict=True):
             for s, columns in zip(leaf.starts, places, strict=True):
                 for moved, k in zip(s.columns, columns, strict=True):
-                    (dull if self.raw[k] < FELT else seen).update(moved)
+                    size = self.raw[k] * max(steps.get(k, 1.0) ** 2, 1.0)
+                    (dull if size < FELT else seen).update(moved)
         return {n: v for n, v in start.items() if n not in dull - seen}
 
     def alone(self) -> list[Proposal]:
