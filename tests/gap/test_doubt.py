@@ -175,7 +175,11 @@ def test_a_fast_ripple_is_no_noise():
             (-2e-6, 0.005),
             ["axis.lead_error"],
         ),
-        (("axis.lead_error.amplitude", "axis.lead_error.period"), (9e-6, 0.005), ["axis.lead_error"]),
+        (
+            ("axis.lead_error.amplitude", "axis.lead_error.period"),
+            (9e-6, 0.005),
+            ["axis.lead_error"],
+        ),
         (("axis.lead_error.amplitude", "axis.lead_error.period"), (10e-6, 0.005), []),
         (("axis.compliance.stiffness", "axis.compliance.damping"), (2e7, 3e3), ["axis.compliance"]),
         (("axis.compliance.stiffness", "axis.compliance.damping"), (5e6, 3e3), []),

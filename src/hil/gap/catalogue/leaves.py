@@ -54,7 +54,7 @@ DELAYS_S: Final = (0.001, 0.002, 0.003, 0.0045, 0.006, 0.008, 0.01, 0.0125, 0.01
 """Forces have the cycle of the setpoints in them, so a delay has a best value in each cycle."""
 IMU_DELAYS_S: Final = (*DELAYS_S, 0.03, 0.05, 0.08, 0.12)
 """Of the IMU as a whole: it comes by a way of its own, through filters and other computers."""
-RATES: Final = (2e-5, 3e-4, 1e-3, 3e-3, 6e-3)
+RATES: Final = (2e-5, 6e-5, 1.3e-4, 3e-4, 1e-3, 3e-3, 6e-3)
 """Of a clock, s/s: over a record even small ones move signals by more than any linear picture holds."""
 SWINGS_HZ: Final = (5.0, 8.0, 12.0, 18.0, 27.0, 40.0)
 """Of the load on a transmission that gives, its motor held: what a drive carries swings nowhere else."""

@@ -14,6 +14,7 @@ from typing import Final
 from hil.config import Effect
 from hil.gap.fits.evidence import weigh
 from hil.gap.fits.fitted import Fit
+from hil.gap.judged.clear import asked
 from hil.gap.judged.verdict import usual_of
 from hil.gap.located.sanity import Finding
 from hil.gap.record.leaf import Leaf
@@ -28,12 +29,14 @@ TURNS: Final = 2
 
 
 def with_usual(q: Question, mine: Considered) -> Considered:
-    """`mine`, or all once more by a twin that has of those effects what the best fit has beside others, where
-    that is no more than any rig's."""
+    """`mine`, or all once more by a twin that has of those effects what the best fit has, where that is no
+    more than any rig's: what else there is may be seen beside it."""
     for _ in range(TURNS):
-        best = weigh(mine.calibrated, mine.fits)[0][0].fit
+        weighed, _ = weigh(mine.calibrated, mine.fits)
+        best, zero = weighed[0].fit, next(w for w in weighed if not w.fit.leaves)
         own = [_line(best, leaf) for leaf in usual_of(best, mine.rig) if leaf.effect in FINE]
-        if not own or len(usual_of(best, mine.rig)) == len(best.leaves):
+        gain = weighed[0].log_evidence - zero.log_evidence
+        if not own or gain < asked(mine.calibrated).nats:
             break
         q.say(f"once more with {_named(mine, own)}, no larger than any rig's")
         known = {(x.effect, x.location) for x in own}
