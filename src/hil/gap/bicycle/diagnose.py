@@ -268,14 +268,13 @@ def _weighed(
     if steps:
         fits = rounded(c, fits, steps)
     held = ~parts.train(e.problem)
+    is_large = stands(located, c, none)
     # What is a gap without a candidate is one with whichever explains it.
-    is_large = stands(located, c, none) or bool(standing(located))
+    is_gap = is_large or bool(standing(located))
 
     def answered(some: Sequence[Fit]) -> Diagnosis:
         every = [none, *some]
-        told = by_energy(
-            answer(located, c, every, bank, held, parts.text, seed, is_large), measured
-        )
+        told = by_energy(answer(located, c, every, bank, held, parts.text, seed, is_gap), measured)
         if is_usual(told):
             sentence = "No gap but what any healthy bicycle and its sensors have."
             usual = replace(no_gap(located, parts.text), sentence=sentence)
