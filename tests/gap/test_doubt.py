@@ -189,6 +189,7 @@ def test_a_fast_ripple_is_no_noise():
             (0.979, 1.061, 0.977),
             ["axis.loop_gain"],
         ),
+        (("axis.loop_gain.position", "axis.loop_gain.speed"), (0.967, 1.09), ["axis.loop_gain"]),
         (("axis.loop_gain.position", "axis.loop_gain.speed"), (0.96, 1.0), []),
         (("axis.loop_gain.position", "axis.loop_gain.speed"), (1.0, 1.1), []),
     ],

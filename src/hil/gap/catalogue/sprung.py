@@ -11,6 +11,8 @@ BEND_HZ: Final = 140.0
 """At which a load swings on its transmission [R: 74 N/µm behind the bench's 95 kg]."""
 SOFTER_HZ: Final = 90.0
 """The same of light screws and belts [R: 30 N/µm there]: healthy as they may be, a record tells of them."""
+BENDS_HZ: Final = (BEND_HZ, SOFTER_HZ, 72.0)
+"""Those that are tried in turn, as long as the next explains more [the last R: 19 N/µm there]."""
 SOFTEST_HZ: Final = 60.0
 """The same of what is no fault yet [R: 13 N/µm there]."""
 DAMPING: Final = 0.05

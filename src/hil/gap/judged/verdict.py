@@ -210,7 +210,7 @@ def usual_of(f: Fit, rig: RigFile) -> list[Leaf]:
         if leaf.effect == "clock_drift":
             return abs(mine["rate"]) < CRYSTALS
         if leaf.effect == "loop_gain":
-            return all(abs(v - 1.0) < LOOPS[k] for k, v in mine.items())
+            return all((1.0 - OTHER_LAW) * abs(v - 1.0) < LOOPS[k] for k, v in mine.items())
         if leaf.effect == "compliance":
             own = next(a for a in rig.actuators if a.name == leaf.location)
             return mine["stiffness"] > stiffness_at(own, SOFTEST_HZ)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from hil.gap.catalogue.sprung import BEND_HZ, SOFTER_HZ, sprung_twin
+from hil.gap.catalogue.sprung import BEND_HZ, BENDS_HZ, sprung_twin
 from hil.gap.fits.evidence import explains_better
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.located.habit import Habit, share_of
@@ -78,9 +78,9 @@ def with_habits(q: Question, mine: Considered) -> tuple[Considered, Habits]:
 def on_springs(q: Question, mine: Considered) -> tuple[Considered, Finding | None]:
     """`mine`, or what loads that swing on their transmissions say; and what the reader is told of those."""
     told = mine.answer(q.seed)
-    if told.verdict == "no_gap" or (mine.is_large and not _is_springy(told)):
+    if told.verdict == "no_gap" or (mine.is_large and not _may_be_springs(told)):
         return mine, None
-    for bend_hz in (BEND_HZ, SOFTER_HZ):
+    for bend_hz in BENDS_HZ:
         twin = sprung_twin(mine.rig, bend_hz)
         q.say(f"a glimpse of transmissions that swing at {bend_hz:g} Hz, as healthy ones do")
         if not any(glimpsed(q, mine, twin)):
@@ -114,6 +114,11 @@ def is_springs(told: Diagnosis, bend_hz: float, *, is_better: bool) -> bool:
     if told.verdict == "no_gap":
         return bend_hz == BEND_HZ
     return is_better and bool(told.effects) and not _is_springy(told)
+
+
+def _may_be_springs(told: Diagnosis) -> bool:
+    """Whether springs may be what a verdict names, or what an unknown cause leaves beside what is nearest."""
+    return told.verdict == "unknown" or _is_springy(told)
 
 
 def _is_springy(told: Diagnosis) -> bool:
