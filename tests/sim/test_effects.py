@@ -452,6 +452,45 @@ def test_friction_of_stiff_bristles_is_that_without() -> None:
     assert np.sqrt(np.mean((still - bent) ** 2)) < 0.03 * np.sqrt(np.mean(still**2))
 
 
+def test_a_load_that_rubs_in_its_guides_swings_less_by_four_f_over_k_a_cycle() -> None:
+    """A textbook's decay by Coulomb friction, linear in time, of a load on a soft transmission."""
+    friction, stiffness = 60.0, 1.5e5
+    rig = frictionless("axis", effective_mass=135.0)
+    rubbing = [
+        a.model_copy(update={"coulomb": friction, "guide_share": 1.0}) for a in rig.actuators
+    ]
+    rig = rig.model_copy(update={"actuators": tuple(rubbing)})
+    plant = Plant(with_effects(rig, effect("compliance", "axis", stiffness=stiffness, damping=0.0)))
+    plant.reset(mode="position")
+    plant.set_setpoint(0, 0.01, 0.0)
+    plant.advance(0.06)
+    plant.set_mode(0, "off")  # the brake holds the motor
+    swing = []
+    for k in range(2000):
+        plant.advance(0.06 + 0.001 * (k + 1))
+        swing.append(plant.pose()[0] - plant.position(0))
+    late = np.array(swing[50:])
+    peaks = [late[k] for k in range(1, len(late) - 1) if late[k - 1] < late[k] >= late[k + 1]]
+    assert len(peaks) > 3
+    np.testing.assert_allclose(-np.diff(peaks[:4]), 4.0 * friction / stiffness, rtol=0.03)
+
+
+def test_where_a_load_rubs_does_not_tell_behind_a_stiff_transmission() -> None:
+    def played(share: float) -> np.ndarray:
+        rig = load_rig("axis")
+        some = [a.model_copy(update={"guide_share": share}) for a in rig.actuators]
+        plant = Plant(rig.model_copy(update={"actuators": tuple(some)}))
+        plant.reset(mode="position")
+        out = []
+        for k in range(50):
+            plant.set_setpoint(0, 0.01 * float(np.sin(0.2 * k)), 0.01 * k)
+            plant.advance(0.01 * (k + 1))
+            out.append(plant.force(0))
+        return np.array(out)
+
+    np.testing.assert_array_equal(played(0.0), played(0.7))
+
+
 def test_dahl_hysteresis_does_not_ask_how_fast() -> None:
     def loop(seconds: float) -> np.ndarray:
         rig = frictionless("axis", effective_mass=135.0)

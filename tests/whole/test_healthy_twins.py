@@ -10,7 +10,7 @@ from hil.configfile import load_rig
 from hil.exam.world import Scatter, build_world, play
 from hil.gap.diagnose import diagnose
 from hil.gap.located.habit import share_of
-from hil.gap.located.habits import BENDS, BENDS_M, FEEDS, LEADS, LEGS, LOADS, RESTS, WEIGHS
+from hil.gap.located.habits import BENDS, BENDS_M, FEEDS, GUIDES, LEADS, LEGS, LOADS, RESTS, WEIGHS
 from hil.gap.located.locate import locate
 from hil.gap.record.runs import as_runs
 from tests.exam.worlds import sway
@@ -37,6 +37,12 @@ def leading(*effects, seed=1):
 def spring(stiffness):
     damping = 0.1 * math.sqrt(stiffness * AXIS.mass.m)
     return effect("compliance", stiffness=stiffness, damping=damping)
+
+
+def with_coulomb(force):
+    """The bench's rig file with so much Coulomb friction."""
+    (axis,) = AXIS.actuators
+    return AXIS.model_copy(update={"actuators": (axis.model_copy(update={"coulomb": force}),)})
 
 
 def feeding(*effects):
@@ -149,6 +155,17 @@ def test_a_screw_of_three_newtons_a_micrometre_is_not():
     answer = diagnose(record(spring(3e6), rig=QUIET), QUIET)
     assert named(answer) == [("compliance", "axis")]
     assert 2.5e6 < answer.effects[0].parameters["stiffness"].value < 3.5e6
+
+
+def test_a_soft_transmission_is_named_though_its_load_rubs():
+    """A load that stops swinging at once is unlike that of a twin of which the motor alone rubs."""
+    rig = with_coulomb(90.0)
+    soft = effect("compliance", stiffness=1.4e5, damping=250.0)
+    answer = diagnose(record(soft, rig=GUIDES.twin(rig, 0.5)), rig)
+    assert named(answer) == [("compliance", "axis")]
+    assert answer.effects[0].parameters["stiffness"].value == pytest.approx(1.4e5, rel=0.05)
+    (finding,) = [f for f in answer.located.findings if f.subject == "actuators.guide_share"]
+    assert finding.belongs == [pytest.approx(0.5, abs=0.25)]
 
 
 def test_friction_that_builds_up_within_micrometres_is_no_gap_and_is_said():

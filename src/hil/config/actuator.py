@@ -100,6 +100,12 @@ class Actuator(Settings):
     presliding: NonNegative = Field(
         0.0, description="way within which Coulomb friction builds up, m; 0: at once"
     )
+    guide_share: NonNegative = Field(
+        0.0,
+        le=1.0,
+        description="share of Coulomb friction that rubs on the load (guides, bearings), not on the motor; "
+        "tells where the transmission between them gives",
+    )
     velocity_max: Positive = Field(description="fastest the drive moves it, m/s")
     force_max: Positive = Field(description="largest force of the drive, N")
     acceleration_max: Positive = Field(

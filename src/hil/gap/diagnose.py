@@ -29,7 +29,14 @@ from hil.gap.record.runs import as_runs
 from hil.gap.rounds.older import as_it_was, by_itself
 from hil.gap.rounds.question import Question, Report, nuisances_of
 from hil.gap.rounds.round import Considered, considered
-from hil.gap.rounds.twins import Habits, as_usual, on_springs, with_habits, with_ticks
+from hil.gap.rounds.twins import (
+    Habits,
+    as_usual,
+    on_springs,
+    with_guides,
+    with_habits,
+    with_ticks,
+)
 from hil.gap.rounds.usual import found as usually_found
 from hil.gap.rounds.usual import with_usual
 from hil.identify.replay import stretches
@@ -117,6 +124,8 @@ def consider(
     mine = with_usual(q, mine)
     any_has = mine.usual
     own_way = usually_found(mine) if any_has else None
+    mine, more = with_guides(q, mine)
+    habits += more
     mine, springs = on_springs(q, mine)
     told = [h.found(mine.rig) for h, _ in habits]
     told += [f for f in (own_way, springs, older) if f is not None]

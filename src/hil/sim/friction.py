@@ -14,6 +14,8 @@ import math
 from hil.compiled import inner
 from hil.sim import layout as lay
 
+GUIDE_M = 1e-5
+"""Way (m, rad) within which the friction of a load's guides builds up [R: rolling guides 5 to 20 µm]."""
 SWEEPS = 400
 """Gauss-Seidel sweeps if the active set should cycle: a net that keeps the answer right, if slower."""
 
@@ -60,6 +62,16 @@ def bristle_advance(act, st, i, dx):  # type: ignore[no-untyped-def]
         return bent
     end = hi if dx > 0.0 else -lo
     return end + (bent - end) * math.exp(-abs(dx) / act[lay.A_PRESLIDING, i])
+
+
+@inner
+def guide_advance(act, st, i, dx):  # type: ignore[no-untyped-def]
+    """Force of the bristles on which load i rubs in its guides, against positive motion, after travel dx."""
+    bent = st[lay.S_GUIDE, i]
+    if dx == 0.0:
+        return bent
+    end = math.copysign(act[lay.A_GUIDE, i], dx)
+    return end + (bent - end) * math.exp(-abs(dx) / GUIDE_M)
 
 
 @inner

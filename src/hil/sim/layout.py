@@ -114,13 +114,14 @@ INTERPOLATIONS = {"hold": 0.0, "linear": 1.0, "linear_rests": RESTS, "linear_lea
     A_BRAKE, A_FF_VISCOUS, A_FF_COULOMB, A_STRIBECK_C, A_STRIBECK_D, A_STRIBECK_V, A_LOAD, A_LOAD_ASYM,
     A_GAP, A_HYST_F, A_HYST_X, A_STIFFNESS, A_DAMPING, A_RIPPLE_A, A_RIPPLE_P, A_RIPPLE_PHASE,
     A_FORCE_SCALE, A_DELAY, A_OFFSET, A_LEAD, A_LEAD_A, A_LEAD_P, A_LEAD_PHASE, A_HARDENING,
-    A_VISCOUS_SKEW, A_PRESLIDING, A_FKNEE, A_VKNEE,
-) = range(48)  # fmt: skip
-A_ROWS = 48
+    A_VISCOUS_SKEW, A_PRESLIDING, A_FKNEE, A_VKNEE, A_GUIDE,
+) = range(49)  # fmt: skip
+A_ROWS = 49
 """Rows of the actuators' constants, SI at the output; A_STRIBECK_D is static minus Coulomb friction,
 A_HARDENING how much a transmission stiffens with the square of its wind-up, 1/m²; A_VISCOUS_SKEW what viscous
 friction is more in the positive direction than its mean, A_PRESLIDING the way within which friction builds
-up, m; A_FKNEE, A_VKNEE how softly force and speed reference bend over to their limits."""
+up, m; A_FKNEE, A_VKNEE how softly force and speed reference bend over to their limits; A_GUIDE Coulomb
+friction that rubs on the load, N."""
 
 BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
 """Lengths; IMU: position (3), rotation sensor → platform (9), bandwidth Hz."""
@@ -131,9 +132,9 @@ BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
     S_CURRENT, S_FREF, S_INTEGRAL, S_VREF, S_FF, S_X0, S_X1, S_T0, S_T1, S_SLOPE, S_AREF,
     S_MODE, S_BRAKE, S_PENDING, S_PENDING_T, S_HAS_PENDING,
     S_FIFO, S_FIFO_1, S_FIFO_2, S_FIFO_3, S_FIFO_T, S_FIFO_T1, S_FIFO_T2, S_FIFO_T3, S_FIFO_N,
-    S_PLAY, S_IDLE, S_STATIC, S_XD, S_VD, S_BRISTLE, S_PULL,
-) = range(44)  # fmt: skip
-S_ROWS = 44
+    S_PLAY, S_IDLE, S_STATIC, S_XD, S_VD, S_BRISTLE, S_PULL, S_GUIDE,
+) = range(45)  # fmt: skip
+S_ROWS = 45
 """Rows of the state: pose, its rates; motor velocity, actuator rate and position; wind-up of motor against
 load, contact, hysteresis, slip direction, friction force, transmitted force; current's force, force
 reference, integrator, speed reference, pre-control; segment of the setpoint, position or force; mode,

@@ -9,7 +9,8 @@ constant acceleration, second order and free of energy drift for conservative lo
 and the hysteresis spring by the trapezoidal rule; the wind-up spring implicit, trapezoidal while it is
 soft against the step and implicit Euler as it gets stiff, so that stiffness -> infinity runs smoothly
 into the rigid transmission; stick, slip and contact solved exactly at the new velocities. Friction that
-has a way to build up, bristles that bend before they slip, is Dahl's instead, by the trapezoidal rule, too.
+has a way to build up, bristles that bend before they slip, is Dahl's instead, by the trapezoidal rule, too;
+so is what rubs on the load, behind a transmission that gives.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ from hil.rigs.linear import solve_square
 from hil.sim import layout as lay
 from hil.sim.drive_loops import encoder
 from hil.sim.friction import (
+    GUIDE_M,
     bristle_advance,
     friction_band,
+    guide_advance,
     hysteresis_advance,
     solve_stick_slip,
 )
@@ -91,6 +94,12 @@ def _resist(act, st, w, i, h, force, rho):  # type: ignore[no-untyped-def]
         w[W_STOP_F, i] = -k * past
         if past * st[lay.S_RATE, i] > 0.0:
             w[W_STOP_C, i] += act[lay.A_MEFF, i] * STOP_W
+    if act[lay.A_GUIDE, i] > 0.0:
+        rate, bent = st[lay.S_RATE, i], st[lay.S_GUIDE, i]
+        end = 0.0 if rate == 0.0 else math.copysign(act[lay.A_GUIDE, i], rate)
+        rubs = 0.25 * h * abs(end - bent) / GUIDE_M if rate != 0.0 else 0.0
+        w[W_STOP_C, i] += rubs
+        w[W_STOP_F, i] -= bent + rubs * rate
 
 
 @inner
@@ -310,6 +319,9 @@ def step(kind, views, st, mem, force, h):  # type: ignore[no-untyped-def]
         if act[lay.A_PRESLIDING, i] > 0.0 and st[lay.S_BRAKE, i] == 0.0:
             travel = 0.5 * h * (v + v_old)
             st[lay.S_BRISTLE, i] = bristle_advance(act, st, i, travel)
+        if act[lay.A_GUIDE, i] > 0.0:
+            travel = 0.5 * h * (r + st[lay.S_RATE, i])
+            st[lay.S_GUIDE, i] = guide_advance(act, st, i, travel)
         st[lay.S_FRICTION, i] = w[W_PHI, i] + w[W_BENT, i]
         st[lay.S_VM, i] = v
         st[lay.S_RATE, i] = r

@@ -108,8 +108,9 @@ def _pack_actuators(rig: RigFile) -> Array:
         for row, value in (
             (lay.A_REFLECTED, a.reflected_mass),
             (lay.A_VISCOUS, a.viscous),
-            (lay.A_COULOMB_POS, a.coulomb),
-            (lay.A_COULOMB_NEG, a.coulomb),
+            (lay.A_COULOMB_POS, (1.0 - a.guide_share) * a.coulomb),
+            (lay.A_COULOMB_NEG, (1.0 - a.guide_share) * a.coulomb),
+            (lay.A_GUIDE, a.guide_share * a.coulomb),
             (lay.A_PRESLIDING, a.presliding),
             (lay.A_VMAX, a.velocity_max),
             (lay.A_FMAX, a.force_max),
@@ -204,6 +205,10 @@ def apply_parameters(base, p, out):  # type: ignore[no-untyped-def]
         act[lay.A_DAMPING, i] = x[lay.P_DAMPING]
         windup = HARDENING_FORCE * act[lay.A_FMAX, i] / x[lay.P_STIFFNESS]
         act[lay.A_HARDENING, i] = x[lay.P_HARDENING] / windup**2 if windup > 0.0 else 0.0
+        if act[lay.A_STIFFNESS, i] == math.inf and act[lay.A_GAP, i] == 0.0:  # one with the motor
+            act[lay.A_COULOMB_POS, i] += act[lay.A_GUIDE, i]
+            act[lay.A_COULOMB_NEG, i] += act[lay.A_GUIDE, i]
+            act[lay.A_GUIDE, i] = 0.0
         act[lay.A_REFLECTED, i] += x[lay.P_INERTIA]
         act[lay.A_FMAX, i] = x[lay.P_FMAX]
         act[lay.A_FKNEE, i] = x[lay.P_FKNEE]

@@ -12,6 +12,8 @@
   less to do, so that a load that changes with the pose leaves less of an error in the position.
 - Friction builds up within some micrometres, for what rubs bends before it slips. A bus of a few
   milliseconds shows that at each reversal, a slower one most where a drive hardly moves.
+- Guides rub on the load, not on the motor. A stiff transmission does not tell the two apart; behind one that
+  gives, a load that rubs stops swinging (`hil.gap.rounds.twins`).
 - Legs weigh something. Most rig files take them for massless; of two times 1 kg a leg a platform of 450 kg
   takes 1.3 % more force.
 
@@ -40,6 +42,9 @@ BENDS_M: Final = 2e-5
 and screws bend by 5 to 50 µm]."""
 BENT: Final = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
 """Shares of that which are tried."""
+RUBS: Final = (0.3, 0.6)
+"""Shares of the Coulomb friction that may rub on the load, tried in turn [R: a screw's nut and bearings make
+more than half of it on most rigs]."""
 HEAVIEST: Final = 2.0
 """Such shares from which on legs are no trifle that a rig file leaves out."""
 
@@ -93,6 +98,15 @@ def _may_bend(rig: RigFile) -> bool:
 
 def _bending(rig: RigFile, share: float) -> RigFile:
     actuators = (a.model_copy(update={"presliding": share * BENDS_M}) for a in rig.actuators)
+    return rig.model_copy(update={"actuators": tuple(actuators)})
+
+
+def _may_rub(rig: RigFile) -> bool:
+    return not any(a.guide_share for a in rig.actuators) and any(a.coulomb for a in rig.actuators)
+
+
+def _rubbing(rig: RigFile, share: float) -> RigFile:
+    actuators = (a.model_copy(update={"guide_share": share}) for a in rig.actuators)
     return rig.model_copy(update={"actuators": tuple(actuators)})
 
 
@@ -176,6 +190,17 @@ BENDS: Final = Habit(
     sizes=BENT,
     is_unlike=True,
 )  # fmt: skip
+
+
+GUIDES: Final = Habit(
+    "actuators.guide_share", "guides that rub on the load", _may_rub, _rubbing,
+    lambda twin: (
+        f"about {100.0 * twin.actuators[0].guide_share:.0f} % of the friction seems to rub on the load, "
+        "behind a transmission that gives: that of the twin does so"
+    ),
+    sizes=RUBS,
+)  # fmt: skip
+"""Asked only beside fits whose transmissions give."""
 
 
 def _weighs(is_fed: bool, may: Callable[[RigFile], bool], and_drives: str) -> Habit:

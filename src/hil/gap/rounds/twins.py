@@ -6,13 +6,14 @@ drives act elsewhere, calls what every machine has a fault.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from hil.gap.catalogue.sprung import BEND_HZ, BENDS_HZ, sprung_twin
-from hil.gap.fits.evidence import explains_better
+from hil.gap.fits.evidence import explains_better, weigh
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.located.habit import Habit, share_of
-from hil.gap.located.habits import DRAWS, HABITS
+from hil.gap.located.habits import DRAWS, GUIDES, HABITS
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.rounds.question import Question
@@ -21,6 +22,9 @@ from hil.gap.rounds.ticked import clocks_beside
 
 SPRINGY: Final = ("compliance", "loop_gain")
 """What transmissions that give a little look like to a twin whose do not."""
+
+GIVES: Final = frozenset({"compliance", "backlash"})
+"""Effects that part a load from its motor."""
 
 Habits = list[tuple[Habit, float]]
 
@@ -72,6 +76,26 @@ def with_habits(q: Question, mine: Considered) -> tuple[Considered, Habits]:
         if other is not mine:
             mine = other
             found.append((habit, share))
+    return mine, found
+
+
+def with_guides(q: Question, mine: Considered) -> tuple[Considered, Habits]:
+    """`mine`, or what explains better with loads that rub in their guides, where its best fit has a
+    transmission that gives and leaves some of the gap."""
+    found: Habits = []
+    for share in GUIDES.sizes if GUIDES.may(mine.rig) else ():
+        best = weigh(mine.calibrated, mine.fits)[0][0].fit
+        if mine.explains_all() or not any(leaf.effect in GIVES for leaf in best.leaves):
+            break
+        twin = GUIDES.twin(mine.rig, share)
+        q.say(f"a glimpse of {GUIDES.step}")
+        if not glimpsed(q, mine, twin)[0]:
+            break
+        q.say(f"once more with {GUIDES.step}")
+        other = considered(q, q.locate(twin), mine.parts)
+        if _better(mine, other) is mine:
+            break
+        mine, found = replace(other, usual=mine.usual), [(GUIDES, share)]
     return mine, found
 
 
