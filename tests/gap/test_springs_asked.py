@@ -23,7 +23,8 @@ def test_springs_are_asked_of_small_and_unknown_gaps(
 ):
     glimpses = []
     monkeypatch.setattr(twins, "sprung_twin", lambda rig, bend_hz: bend_hz)
-    monkeypatch.setattr(twins, "glimpsed", lambda q, mine, twin: glimpses.append(twin) or ())
+    nothing = SimpleNamespace(is_promising=False, may_be_nothing=False)
+    monkeypatch.setattr(twins, "glimpsed", lambda q, mine, twin: glimpses.append(twin) or nothing)
     told = SimpleNamespace(verdict=verdict, effects=[SimpleNamespace(effect=x) for x in effects])
     mine = SimpleNamespace(answer=lambda seed: told, is_large=is_large, rig=None)
     question = SimpleNamespace(seed=0, say=lambda text: None)

@@ -68,12 +68,29 @@ class Considered:
             self.parts.text, seed, self.is_large,
         )  # fmt: skip
 
+    def gain(self) -> float:
+        """Nats of the likeliest fit over that without effects."""
+        weighed, _ = weigh(self.calibrated, self.fits)
+        return weighed[0].log_evidence - next(w.log_evidence for w in weighed if not w.fit.leaves)
+
     def explains_all(self) -> bool:
         """Whether the best fit leaves nothing of the gap: then no ticks, and no habit that no effect is like,
         can explain it better."""
         best = weigh(self.calibrated, self.fits)[0][0].fit
         share = explained(self.calibrated, self.fits[0], best)
         return bool(best.leaves) and share > ALL and most_left(self.calibrated, best) < RARE
+
+
+@dataclass(frozen=True, slots=True)
+class Glimpse:
+    """Another twin beside the few best candidates of the first."""
+
+    other: Considered
+    """Of those candidates alone."""
+    is_promising: bool
+    """Whether it explains better."""
+    may_be_nothing: bool
+    """Whether it leaves nothing to find."""
 
 
 def considered(q: Question, located: Located, parts: Split | None = None) -> Considered:
@@ -99,11 +116,13 @@ def considered(q: Question, located: Located, parts: Split | None = None) -> Con
     return Considered(located, c, tuple(fits), bank, parts, is_large, q.missing)
 
 
-def glimpsed(q: Question, mine: Considered, twin: RigFile) -> tuple[bool, bool]:
-    """Whether another twin explains better than that of `mine`, or leaves nothing to find, as far as the best
-    candidates of `mine` tell."""
+def glimpsed(q: Question, mine: Considered, twin: RigFile) -> Glimpse:
+    """What another twin would say, as far as the best candidates of `mine` tell."""
     there = q.locate(twin, mine.located.evidence.problem.clocks)
     chosen = q.nuisances(there.evidence.problem)
     c, none = begin(there.evidence, mine.parts, chosen, {}, q.seed)
     seen = again(mine.calibrated, mine.fits, c, none)
-    return is_promising(mine.calibrated, mine.fits, seen), may_be_nothing(c, seen)
+    other = Considered(
+        there, c, tuple(seen), mine.bank, mine.parts, stands(there, c, none), q.missing
+    )
+    return Glimpse(other, is_promising(mine.calibrated, mine.fits, seen), may_be_nothing(c, seen))

@@ -11,6 +11,7 @@ from typing import Final
 
 from hil.gap.catalogue.sprung import BEND_HZ, BENDS_HZ, sprung_twin
 from hil.gap.fits.evidence import explains_better, weigh
+from hil.gap.judged.clear import asked
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.located.habit import Habit, share_of
 from hil.gap.located.habits import DRAWS, GUIDES, HABITS
@@ -25,6 +26,9 @@ SPRINGY: Final = ("compliance", "loop_gain")
 
 GIVES: Final = frozenset({"compliance", "backlash"})
 """Effects that part a load from its motor."""
+
+FAINT: Final = 5.0
+"""Nats of the best explanation of a small gap, up to which it is as good as none."""
 
 Habits = list[tuple[Habit, float]]
 
@@ -69,14 +73,22 @@ def with_habits(q: Question, mine: Considered) -> tuple[Considered, Habits]:
             continue
         twin = habit.twin(mine.rig, share)
         q.say(f"a glimpse of {habit.step}")
-        if not glimpsed(q, mine, twin)[0]:
+        glimpse = glimpsed(q, mine, twin)
+        if not glimpse.is_promising:
             continue
-        q.say(f"once more with {habit.step}")
-        other = _better(mine, considered(q, q.locate(twin), mine.parts))
-        if other is not mine:
+        other = glimpse.other
+        if not (_is_faint(mine) and _is_faint(other)):
+            q.say(f"once more with {habit.step}")
+            other = considered(q, q.locate(twin), mine.parts)
+        if _better(mine, other) is not mine:
             mine = other
             found.append((habit, share))
     return mine, found
+
+
+def _is_faint(x: Considered) -> bool:
+    """Whether a gap is so small, and explained so poorly, that no further candidate is worth a look."""
+    return not x.is_large and x.gain() < FAINT
 
 
 def with_guides(q: Question, mine: Considered) -> tuple[Considered, Habits]:
@@ -84,12 +96,13 @@ def with_guides(q: Question, mine: Considered) -> tuple[Considered, Habits]:
     transmission that gives and leaves some of the gap."""
     found: Habits = []
     for share in GUIDES.sizes if GUIDES.may(mine.rig) else ():
-        best = weigh(mine.calibrated, mine.fits)[0][0].fit
-        if mine.explains_all() or not any(leaf.effect in GIVES for leaf in best.leaves):
+        weighed, _ = weigh(mine.calibrated, mine.fits)
+        gives = any(leaf.effect in GIVES for leaf in weighed[0].fit.leaves)
+        if not gives or mine.explains_all() or mine.gain() < asked(mine.calibrated).nats:
             break
         twin = GUIDES.twin(mine.rig, share)
         q.say(f"a glimpse of {GUIDES.step}")
-        if not glimpsed(q, mine, twin)[0]:
+        if not glimpsed(q, mine, twin).is_promising:
             break
         q.say(f"once more with {GUIDES.step}")
         other = considered(q, q.locate(twin), mine.parts)
@@ -107,7 +120,8 @@ def on_springs(q: Question, mine: Considered) -> tuple[Considered, Finding | Non
     for bend_hz in BENDS_HZ:
         twin = sprung_twin(mine.rig, bend_hz)
         q.say(f"a glimpse of transmissions that swing at {bend_hz:g} Hz, as healthy ones do")
-        if not any(glimpsed(q, mine, twin)):
+        glimpse = glimpsed(q, mine, twin)
+        if not (glimpse.is_promising or glimpse.may_be_nothing):
             break
         q.say(f"once more with transmissions that swing at {bend_hz:g} Hz")
         other = considered(q, q.locate(twin), mine.parts)

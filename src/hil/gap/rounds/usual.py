@@ -32,11 +32,9 @@ def with_usual(q: Question, mine: Considered) -> Considered:
     """`mine`, or all once more by a twin that has of those effects what the best fit has, where that is no
     more than any rig's: what else there is may be seen beside it."""
     for _ in range(TURNS):
-        weighed, _ = weigh(mine.calibrated, mine.fits)
-        best, zero = weighed[0].fit, next(w for w in weighed if not w.fit.leaves)
+        best = weigh(mine.calibrated, mine.fits)[0][0].fit
         own = [_line(best, leaf) for leaf in usual_of(best, mine.rig) if leaf.effect in FINE]
-        gain = weighed[0].log_evidence - zero.log_evidence
-        if not own or gain < asked(mine.calibrated).nats:
+        if not own or mine.gain() < asked(mine.calibrated).nats:
             break
         q.say(f"once more with {_named(mine, own)}, no larger than any rig's")
         known = {(x.effect, x.location) for x in own}
