@@ -53,25 +53,21 @@ def hysteresis_advance(z, dx, displacement):  # type: ignore[no-untyped-def]
 
 
 @inner
-def bristle_advance(act, st, i, dx):  # type: ignore[no-untyped-def]
-    """Force of motor i's bent bristles, against positive motion, after travel dx: towards the friction of
-    that direction, within the actuator's presliding; no change of friction pushes before it is travelled."""
-    lo, hi = friction_band(act, st, i)
-    bent = st[lay.S_BRISTLE, i]
+def bristle_advance(bent, lo, hi, dx, way):  # type: ignore[no-untyped-def]
+    """Force of bent bristles, against positive motion, after travel dx: towards the friction of that
+    direction, -lo or hi, within `way`; no change of friction pushes before it is travelled."""
     if dx == 0.0:
         return bent
     end = hi if dx > 0.0 else -lo
-    return end + (bent - end) * math.exp(-abs(dx) / act[lay.A_PRESLIDING, i])
+    return end + (bent - end) * math.exp(-abs(dx) / way)
 
 
 @inner
-def guide_advance(act, st, i, dx):  # type: ignore[no-untyped-def]
-    """Force of the bristles on which load i rubs in its guides, against positive motion, after travel dx."""
-    bent = st[lay.S_GUIDE, i]
-    if dx == 0.0:
-        return bent
-    end = math.copysign(act[lay.A_GUIDE, i], dx)
-    return end + (bent - end) * math.exp(-abs(dx) / GUIDE_M)
+def bristle_drag(bent, lo, hi, v, h, way):  # type: ignore[no-untyped-def]
+    """By what such bristles resist more, on average over a step h, for the sum of the velocities before and
+    after it, N·s/m."""
+    more = abs(-lo - bent) if v < 0.0 else abs(hi - bent)
+    return 0.25 * h * more / way
 
 
 @inner

@@ -139,7 +139,8 @@ S_ROWS = 45
 load, contact, hysteresis, slip direction, friction force, transmitted force; current's force, force
 reference, integrator, speed reference, pre-control; segment of the setpoint, position or force; mode,
 brake; setpoints that wait; static force of the pose; position and velocity as the drive's encoder gives
-them; force of bent bristles; acceleration that leads a replay to what was measured."""
+them; force of bent bristles; acceleration that leads a replay to what was measured; force of the bristles
+of the load's guides."""
 S_TAIL = 13
 """Twelve values of the IMU filter, then the tick."""
 

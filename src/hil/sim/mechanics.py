@@ -27,8 +27,8 @@ from hil.sim.drive_loops import encoder
 from hil.sim.friction import (
     GUIDE_M,
     bristle_advance,
+    bristle_drag,
     friction_band,
-    guide_advance,
     hysteresis_advance,
     solve_stick_slip,
 )
@@ -77,8 +77,7 @@ def _resist(act, st, w, i, h, force, rho):  # type: ignore[no-untyped-def]
     w[W_BENT, i] = 0.0
     if act[lay.A_PRESLIDING, i] > 0.0 and st[lay.S_BRAKE, i] == 0.0:
         bent = st[lay.S_BRISTLE, i]
-        more = abs(-w[W_LO, i] - bent) if way < 0.0 else abs(w[W_HI, i] - bent)
-        c += 0.25 * h * more / act[lay.A_PRESLIDING, i]
+        c += bristle_drag(bent, w[W_LO, i], w[W_HI, i], v, h, act[lay.A_PRESLIDING, i])
         f0 -= bent
         w[W_BENT, i] = -bent
         w[W_LO, i] = 0.0
@@ -94,12 +93,12 @@ def _resist(act, st, w, i, h, force, rho):  # type: ignore[no-untyped-def]
         w[W_STOP_F, i] = -k * past
         if past * st[lay.S_RATE, i] > 0.0:
             w[W_STOP_C, i] += act[lay.A_MEFF, i] * STOP_W
-    if act[lay.A_GUIDE, i] > 0.0:
+    rubs = act[lay.A_GUIDE, i]
+    if rubs > 0.0:
         rate, bent = st[lay.S_RATE, i], st[lay.S_GUIDE, i]
-        end = 0.0 if rate == 0.0 else math.copysign(act[lay.A_GUIDE, i], rate)
-        rubs = 0.25 * h * abs(end - bent) / GUIDE_M if rate != 0.0 else 0.0
-        w[W_STOP_C, i] += rubs
-        w[W_STOP_F, i] -= bent + rubs * rate
+        drag = bristle_drag(bent, rubs, rubs, rate, h, GUIDE_M)
+        w[W_STOP_C, i] += drag
+        w[W_STOP_F, i] -= bent + drag * rate
 
 
 @inner
@@ -318,10 +317,14 @@ def step(kind, views, st, mem, force, h):  # type: ignore[no-untyped-def]
             st[lay.S_HYST, i] = hysteresis_advance(st[lay.S_HYST, i], travel, act[lay.A_HYST_X, i])
         if act[lay.A_PRESLIDING, i] > 0.0 and st[lay.S_BRAKE, i] == 0.0:
             travel = 0.5 * h * (v + v_old)
-            st[lay.S_BRISTLE, i] = bristle_advance(act, st, i, travel)
-        if act[lay.A_GUIDE, i] > 0.0:
+            lo, hi = friction_band(act, st, i)
+            st[lay.S_BRISTLE, i] = bristle_advance(
+                st[lay.S_BRISTLE, i], lo, hi, travel, act[lay.A_PRESLIDING, i]
+            )
+        rubs = act[lay.A_GUIDE, i]
+        if rubs > 0.0:
             travel = 0.5 * h * (r + st[lay.S_RATE, i])
-            st[lay.S_GUIDE, i] = guide_advance(act, st, i, travel)
+            st[lay.S_GUIDE, i] = bristle_advance(st[lay.S_GUIDE, i], rubs, rubs, travel, GUIDE_M)
         st[lay.S_FRICTION, i] = w[W_PHI, i] + w[W_BENT, i]
         st[lay.S_VM, i] = v
         st[lay.S_RATE, i] = r
