@@ -151,6 +151,11 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     return [Weighed(fits[k], float(logs[k]), float(p[k])) for k in order], worth
 
 
+def gain(weighed: Sequence[Weighed]) -> float:
+    """Nats of the first of them over the fit without effects."""
+    return weighed[0].log_evidence - next(w.log_evidence for w in weighed if not w.fit.leaves)
+
+
 def explains_better(c: Calibrated, fits: Sequence[Fit], others: Sequence[Fit]) -> bool:
     """Whether the best of `others`, fits of another twin to the same samples, beats all `fits` of the twin
     that `c` is of by more than OTHER_TWIN nats."""

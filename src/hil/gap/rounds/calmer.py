@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.gap.fits.evidence import weigh
+from hil.gap.fits.evidence import gain, weigh
 from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import EFFECT as LOST
@@ -35,8 +35,7 @@ def calmed(before: Located, c: Calibrated, fits: Sequence[Fit], seed: int) -> Lo
     e = before.evidence
     ranked, _ = weigh(c, fits)
     best = ranked[0].fit
-    gain = ranked[0].log_evidence - next(w.log_evidence for w in ranked if not w.fit.leaves)
-    if e.noise.source != "model" or not in_vector(best) or gain < asked(c).decisive:
+    if e.noise.source != "model" or not in_vector(best) or gain(ranked) < asked(c).decisive:
         return None
     left = c.noise.usual(c.problem, best.residual)
     floors = c.noise.usual(c.problem, c.noise.draws)

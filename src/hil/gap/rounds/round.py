@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hil.config import Effect, RigFile
 from hil.gap.catalogue.bank import Bank
-from hil.gap.fits.evidence import weigh
+from hil.gap.fits.evidence import gain, weigh
 from hil.gap.fits.facts import missed, rounded
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Split, split
@@ -70,8 +70,7 @@ class Considered:
 
     def gain(self) -> float:
         """Nats of the likeliest fit over that without effects."""
-        weighed, _ = weigh(self.calibrated, self.fits)
-        return weighed[0].log_evidence - next(w.log_evidence for w in weighed if not w.fit.leaves)
+        return gain(weigh(self.calibrated, self.fits)[0])
 
     def explains_all(self) -> bool:
         """Whether the best fit leaves nothing of the gap: then no ticks, and no habit that no effect is like,
