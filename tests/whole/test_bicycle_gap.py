@@ -99,6 +99,43 @@ def test_hard_tyres_are_healthy_and_soft_ones_a_finding(stiffness, effects):
     assert found.verdict == ("identified" if effects else "no_gap")
 
 
+def test_a_tyre_that_creeps_as_it_drives_is_no_late_accelerometer():
+    """As tyres do that slip by a thirtieth under as much force as they bear: the wheel leads by
+    some 15 ms."""
+    creeps = ("drive_slip", "rear_wheel", {"per_accel": 3.5e-3})
+    found = diagnose_rides([ridden(short(), 24, creeps)], NOMINAL)
+    assert found.verdict == "no_gap", found.sentence
+    fitted = {n.name: n.change for n in found.located.nuisances}
+    assert fitted["rear_wheel.drive_slip.per_accel"] == pytest.approx(3.5e-3, abs=1e-3)
+    accel = next(s for s in found.located.signals if s.signal == "imu.accel_x")
+    assert accel.ratio < 1.3
+
+
+def test_tyres_that_turn_a_bicycle_more_than_its_steer_says_are_no_gap():
+    """By 3 %, as those do whose side force of camber is large: a steer that is told so much too small. What
+    is told 7 % too small is a scale."""
+    for scale, effects in ((0.97, []), (0.93, [("sensor_scale", "steer")])):
+        found = diagnose_rides(
+            [ridden(short(), 23, ("sensor_scale", "steer", {"scale": scale}))], NOMINAL
+        )
+        assert [(x.effect, x.location) for x in found.effects] == effects, found.sentence
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        ("sensor_misalignment", "imu", {"x": 0.005, "y": 0.002, "z": -0.05}),
+        ("sensor_scale", "imu.gyro_z", {"scale": 1.15}),
+        ("wheel_slip", "rear_wheel", {"coefficient": 0.08}),
+    ],
+)
+def test_what_acts_beside_a_clock_that_drifts_is_found(beside):
+    """Tolerances of a healthy bicycle make the floor so wide that either alone seems to leave nothing."""
+    drifts = ("clock_drift", "imu", {"rate": 0.0035})
+    found = diagnose_rides([ridden(short(), 31, drifts, beside)], NOMINAL)
+    assert {(x.effect, x.location) for x in found.effects} == {drifts[:2], beside[:2]}
+
+
 def test_what_a_calibrated_scale_is_off_by_is_left_of_gravity(healthy):
     problem = RideProblem(NOMINAL, [prepare(healthy, NOMINAL)])
     sd = {n.name: n.sd for n in ride_nuisances(NOMINAL, problem)}

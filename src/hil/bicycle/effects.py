@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
 from hil.bicycle.sensors import IMU_SIGNALS, Sensor, misaligned
@@ -20,11 +21,13 @@ from hil.config import BicycleFile
 from hil.config.bicycle import SIGNALS
 from hil.rigs.bicycle import Motion, Packed, Smooth, low_pass, ride
 from hil.rigs.bicycle.conditioning import central
+from hil.rigs.bicycle.parameters import ROLLING
 from hil.sim.parameters import ParameterTable
 
 Array = NDArray[np.float64]
 
 SPRINGS: Final = ("bicycle.front_suspension.stiffness", "bicycle.tyre_compliance.stiffness")
+CREEP: Final = "rear_wheel.drive_slip.per_accel"
 PASSES: Final = 2
 """Of the ride's low-pass over what fork and tyres answer: accelerations are second differences and need as
 much."""
@@ -73,7 +76,21 @@ class RideEffects:
         tyres = v[f"{tyre}.stiffness"], v[f"{tyre}.damping"]
         springs = (v[f"{fork}.stiffness"], tyres[0], tyres[0])
         dampers = (v[f"{fork}.damping"], tyres[1], tyres[1])
-        return ride(self.bicycle(packed), told, start, springs, dampers)
+        bicycle = self.bicycle(packed)
+        return ride(bicycle, self._rolled(bicycle, told), start, springs, dampers)
+
+    def _rolled(self, bicycle: Packed, told: Smooth) -> Smooth:
+        """`told` with the rear wheel as one turns that goes the same way without creeping under what it
+        drives and brakes with."""
+        creep = self.values["rear_wheel.drive_slip.per_accel"] * bicycle.p[ROLLING]
+        if creep == 0.0:
+            return told
+        rate = told.rate[:, 1] * (1.0 - creep * told.acceleration[:, 1])
+        turned = cumulative_trapezoid(rate, dx=told.dt_s, initial=0.0)
+        angle, rates, accelerations = (x.copy() for x in (told.angle, told.rate, told.acceleration))
+        angle[:, 1] = told.angle[0, 1] + turned
+        rates[:, 1], accelerations[:, 1] = rate, central(rate, told.dt_s)
+        return Smooth(told.dt_s, angle, rates, accelerations)
 
     @property
     def gives_way(self) -> bool:
@@ -125,6 +142,12 @@ class RideEffects:
                 for k, s in enumerate(IMU_SIGNALS)
             ]
         )
+
+
+def crept(rate: Array, acceleration: Array, share: float) -> Array:
+    """(N,) how much faster a wheel turns than it would roll, rad/s, whose tyre creeps by `share` (s²) of its
+    way for each rad/s² that it drives with."""
+    return share * acceleration * rate
 
 
 def softened(rig: BicycleFile, dt_s: float, values: Array, share: float = SOFTER) -> Array:

@@ -9,8 +9,9 @@ from pathlib import Path as FilePath
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
-from hil.bicycle.effects import RideEffects
+from hil.bicycle.effects import CREEP, RideEffects, crept
 from hil.bicycle.path import Path, u_turns
 from hil.bicycle.sensors import IMU_SIGNALS, Sensor, misaligned, noise_of, through_filter
 from hil.bicycle.world import STEP_S, RideTruth, ride_along
@@ -63,7 +64,12 @@ def record(rig: BicycleFile, truth: RideTruth, seed: int = 0) -> pd.DataFrame:
     rng = np.random.default_rng([seed, 1])
     values = RideEffects.of(rig).values
     q, end = truth.q, truth.t_s[-1]
-    rolled = q[:, 4] - (q[:, 5] if rig.sensors.encoder_on_frame else 0.0)
+    turned = q[:, 4]
+    if creeps := values[CREEP]:
+        rate = np.gradient(turned, STEP_S)
+        more = crept(rate, np.gradient(rate, STEP_S), creeps * rig.geometry.R)
+        turned = turned + cumulative_trapezoid(more, dx=STEP_S, initial=0.0)
+    rolled = turned - (q[:, 5] if rig.sensors.encoder_on_frame else 0.0)
     builder = TableBuilder()
     stamps = _stamps(rng, rig.rate, end, rig.bus.jitter)
     for signal, angle in zip(SIGNALS, (q[:, 3], rolled - rolled[0], q[:, 6]), strict=True):

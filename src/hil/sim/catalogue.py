@@ -205,7 +205,12 @@ FRAME: Final = Spec("frame", "1", 1.0, 0.0, 1.0, 0.0)
 """Of a rear wheel that is larger than the rig file's: 1 where the frame stands higher on it and is pitched,
 0 where the frame and all on it stand as the file says and only the way that a turn rolls is another."""
 REAR_WHEEL: Effects = {"wheel_radius": (*WHEEL["wheel_radius"], FRAME)}
-SLIP: Effects = {"wheel_slip": (Spec("coefficient", "1", 0.0, -0.2, 0.5, 0.01),)}
+SLIP: Effects = {
+    "wheel_slip": (Spec("coefficient", "1", 0.0, -0.2, 0.5, 0.01),),
+    "drive_slip": (Spec("per_accel", "s²/m", 0.0, 0.0, 0.05, 0.002),),
+}
+"""Of the wheel that drives: a share of its way, whatever it does; and a share for each m/s² that it drives or
+brakes with, as tyres creep under load, which is no finding."""
 
 
 def size(effects: Effects) -> int:

@@ -18,7 +18,7 @@ from hil.gap.bicycle.noise import SLOW, tempered, with_tolerances
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.road import slopes_of
 from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
-from hil.gap.bicycle.sets import fit_sets
+from hil.gap.bicycle.sets import fit_alone, fit_sets
 from hil.gap.bicycle.verdict import by_energy, is_usual, standing, twins, unsaid, with_road
 from hil.gap.catalogue.nature import RIDER
 from hil.gap.catalogue.nuisances import Nuisance
@@ -194,9 +194,7 @@ def _on_road(
         fewer = [_held(n) if n.name.rpartition(".")[0] in far else n for n in chosen]
         anew = locate_rides(loaded, rig, nuisances=fewer, seed=seed, slopes=slopes, slow=slow)
         named = _explained(anew, fewer, steps, without, seed, say)
-        if {(x.effect, x.location) for x in named.effects} > {
-            (x.effect, x.location) for x in found.effects
-        } and _is_further(named, chosen):
+        if _named(named) > _named(found) and _is_further(named, chosen):
             return named
     return found
 
@@ -264,9 +262,7 @@ def _weighed(
     c, none = begin(e, parts, chosen, {}, seed)
     say("computing what each candidate would do")
     bank = candidates_of(c, none, without)
-    fits = fit_sets(c, none, Search(c, bank), bank.leaves, say)
-    if steps:
-        fits = rounded(c, fits, steps)
+    search = Search(c, bank)
     held = ~parts.train(e.problem)
     is_large = stands(located, c, none)
     # What is a gap without a candidate is one with whichever explains it.
@@ -283,7 +279,20 @@ def _weighed(
             return told
         return replace(no_gap(located, parts.text), not_excited=told.not_excited)
 
+    def grown(known: Sequence[Fit], is_missing: bool) -> list[Fit]:
+        return fit_sets(c, none, known, search, bank.leaves, say, is_missing)
+
+    def stepped(some: list[Fit]) -> list[Fit]:
+        return rounded(c, some, steps) if steps else some
+
+    sets = grown(fit_alone(c, search, bank.leaves, say), is_missing=False)
+    fits = stepped(sets)
     found = answered(fits[1:])
+    if found.causes:
+        say("looking for what acts beside it")
+        fits = stepped(grown(sets[1:], is_missing=True))
+        further = answered(fits[1:])
+        found = further if len(further.effects) > len(found.effects) else found
     if found.best is None or found.verdict != "unknown":
         return found
     # Something unknown beside an effect is no more likely than another effect: that costs no more then.
@@ -292,6 +301,10 @@ def _weighed(
     if several.effects and several.effects[0].gain + MORE > found.causes[0].gain:
         return several
     return found
+
+
+def _named(found: Diagnosis) -> set[tuple[str, str]]:
+    return {(x.effect, x.location) for x in found.effects}
 
 
 def _strained(found: Diagnosis, located: Located, chosen: Sequence[Nuisance]) -> list[str]:

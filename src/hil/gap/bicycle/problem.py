@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 EARLY_S: Final = 0.005
 """By which stamps may be early beyond the delays that the rig file takes off: three times what a healthy
 bicycle's clocks are apart."""
-TURNING_S: Final = 0.01
-"""The same of the steer, for a bicycle turns later than it is steered."""
+TURNING_S: Final = 0.02
+"""The same of the steer, for a bicycle turns later than it is steered: three times `TURNS_LATE_S`."""
 
 
 @dataclass(frozen=True, slots=True)
