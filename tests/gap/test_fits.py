@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from hil.gap.catalogue.nuisances import default_nuisances
-from hil.gap.fits.fit import _as_moved, _is_stuck
+from hil.gap.fits.fit import _as_moved, _is_stuck, fit
 from hil.gap.fits.friction import is_equal, is_itself
 from hil.gap.fits.heldout import split
+from hil.gap.fits.starts import relative
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.judged.doubt import is_beyond
 from hil.gap.located.locate import locate
@@ -47,6 +48,35 @@ def test_sensitivities_learn_what_a_step_did():
     across = np.array([step[1], -step[0], 0.0, 0.0])
     assert learnt @ across == pytest.approx(found @ across)
     assert _as_moved(found, np.ones(50), 1e-3 * step) is found
+
+
+def test_nothing_is_tried_about_what_another_fit_has_found(monkeypatch):
+    """A spring's cost is rugged: some forty starts about its own are looked at, once."""
+    e = locate(
+        record(effect("compliance", stiffness=2e5, damping=400.0), duration_s=4.0), AXIS
+    ).evidence
+    parts = split(e.problem, e.noise, e.residual)
+    c, none = begin(e, parts, default_nuisances(AXIS, e.problem.signals), {}, 0)
+    leaf = next(x for x in candidates_of(c, none, ()).leaves if x.name == "axis.compliance")
+    replayed: list[int] = []
+    answers = c.problem.answers
+    monkeypatch.setattr(
+        c.problem,
+        "answers",
+        lambda rows: replayed.append(len(np.atleast_2d(rows))) or answers(rows),
+    )
+
+    def fitted(start, **how):
+        replayed.clear()
+        found = fit(c, [leaf], start, **how)
+        assert found is not None
+        return found, max(replayed)
+
+    start = {"axis.compliance.stiffness": 2e5, "axis.compliance.damping": 400.0}
+    first, most = fitted(start)
+    again, fewest = fitted(relative(c, first), z=first.z, found=first.names)
+    assert most > 30 > 10 > fewest
+    assert again.total(c) <= first.total(c) + 1e-6
 
 
 def fit_of(name: str, values: dict[str, float], *at_bound: str) -> SimpleNamespace:

@@ -77,7 +77,7 @@ def fit_sets(
                 if key in tried or not start:
                     continue
                 say("fitting " + " + ".join(x.name for x in some))
-                joint = fit(c, some, {**relative(c, head), **start}, p.z)
+                joint = fit(c, some, {**relative(c, head), **start}, p.z, found=head.names)
                 if joint is not None and _cost_on(c)(joint) < _cost_on(c)(head) - least:
                     tried[key] = joint
     alone = [f for f in tried.values() if len(f.leaves) == 1]
@@ -153,7 +153,7 @@ def _exchanged(c: Calibrated, alone: Sequence[Fit], tried: Sequence[Fit], say: R
         for x in (f for f in alone if f.leaves[0].name in DISTANCE and f.leaves[0] is not leaf):
             some = (*others, *x.leaves)
             say("fitting " + " + ".join(y.name for y in some))
-            joint = fit(c, some, kept | relative(c, x), best.z)
+            joint = fit(c, some, kept | relative(c, x), best.z, found=(*kept, *x.names))
             if joint is not None:
                 out.append(joint)
     return out

@@ -7,7 +7,7 @@ the twin really answers, not what a linear picture of it promises.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -69,11 +69,12 @@ def fit(
     z: Array | None = None,
     rounds: int = ROUNDS,
     settled: float = SETTLED,
+    found: Collection[str] = (),
 ) -> Fit | None:
     """Fit the parameters named in `start` (values as for a twin without effects), but those that are chosen
     and never fitted; None where the twin cannot stand there. `z` (K,): nuisances to start from, by default
     where calibration left them. `settled`: a round that gains less than this share of what is left ends the
-    fit."""
+    fit. `found`: parameters that stand where another fit put them, about which nothing is tried."""
     problem = c.problem
     own = own_nuisances(c, leaves)
     held = [k for k in range(len(c.nuisances)) if k not in own]
@@ -82,7 +83,7 @@ def fit(
     names = [n for n in start if problem.table[n].scale > 0.0]
     entries = [problem.table[n] for n in names]
     index = [problem.table.index(n) for n in names]
-    vector, answer, z = _begin(c, start, held, c.z if z is None else z)
+    vector, answer, z = _begin(c, start, found, held, c.z if z is None else z)
     if not np.all(np.isfinite(answer)):
         return None
     x = np.array([p.to_search(float(vector[i])) for p, i in zip(entries, index, strict=True)])
@@ -168,7 +169,11 @@ def _as_moved(A: Array, missed: Array, step: Array) -> Array:
 
 
 def _begin(
-    c: Calibrated, start: Mapping[str, float], held: Sequence[int], z: Array
+    c: Calibrated,
+    start: Mapping[str, float],
+    found: Collection[str],
+    held: Sequence[int],
+    z: Array,
 ) -> tuple[Array, Array, Array]:
     """Parameter vector, answer and held nuisances to start from: a start worse than none is drawn nearer.
 
@@ -202,7 +207,7 @@ def _begin(
                 break
     if best is None:
         return vector, answer, moved
-    return _scanned(c, start, best, spread)
+    return _scanned(c, {n: v for n, v in start.items() if n not in found}, best, spread)
 
 
 def _scanned(

@@ -75,7 +75,7 @@ def joint_fits(
             start = search.felt(changes_of([leaf], p.starts, c.problem), p)
             if not start:
                 continue  # it changes nothing that these data would show
-            joint = fit(c, some, {**relative(c, head), **start}, p.z)
+            joint = fit(c, some, {**relative(c, head), **start}, p.z, found=head.names)
             if joint is not None and is_itself(c, joint) and adds(c, [*fits[1:], *out], joint):
                 new.append(joint)
         if most_left(c, heads[0]) > RARE:
@@ -120,7 +120,7 @@ def _limited(c: Calibrated, head: Fit, leaves: Sequence[Leaf], say: Report) -> l
         return []
     leaf, start = found
     say("fitting " + " + ".join(x.name for x in (*head.leaves, leaf)))
-    joint = fit(c, [*head.leaves, leaf], {**relative(c, head), **start}, head.z)
+    joint = fit(c, [*head.leaves, leaf], {**relative(c, head), **start}, head.z, found=head.names)
     return [joint] if joint is not None and is_itself(c, joint) else []
 
 
@@ -184,7 +184,7 @@ def _swapped(
         some = (*(y for y in best.leaves if y is not leaf), *x.leaves)
         say("fitting " + " + ".join(y.name for y in some))
         kept = {n: v for n, v in relative(c, best).items() if n not in leaf.parameters}
-        joint = fit(c, some, kept | relative(c, x), best.z)
+        joint = fit(c, some, kept | relative(c, x), best.z, found=(*kept, *x.names))
         if joint is not None and is_itself(c, joint) and adds(c, [*fits[1:], *new], joint):
             out.append(joint)
     return out
@@ -222,7 +222,7 @@ def _as_good(
         if not start:
             continue
         say("fitting " + " + ".join(y.name for y in (*head.leaves, x)))
-        joint = fit(c, (*head.leaves, x), {**relative(c, head), **start}, p.z)
+        joint = fit(c, (*head.leaves, x), {**relative(c, head), **start}, p.z, found=head.names)
         if joint is not None and is_itself(c, joint) and adds(c, fits, joint):
             out.append(joint)
     return out
