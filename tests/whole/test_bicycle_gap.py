@@ -16,7 +16,7 @@ from hil.errors import IdentificationError
 from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
 from hil.gap.bicycle.diagnose import _held, _is_further
 from hil.gap.bicycle.intervals import furthest
-from hil.gap.bicycle.leaves import ride_nuisances
+from hil.gap.bicycle.leaves import TURNS_BY, ride_nuisances
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.bicycle.verdict import leaves_as_much
@@ -113,12 +113,15 @@ def test_a_tyre_that_creeps_as_it_drives_is_no_late_accelerometer():
 
 def test_tyres_that_turn_a_bicycle_more_than_its_steer_says_are_no_gap():
     """By 3 %, as those do whose side force of camber is large: a steer that is told so much too small. What
-    is told 7 % too small is a scale."""
+    is told 7 % too small is a scale, less what tyres have of it on the whole."""
     for scale, effects in ((0.97, []), (0.93, [("sensor_scale", "steer")])):
         found = diagnose_rides(
             [ridden(short(), 23, ("sensor_scale", "steer", {"scale": scale}))], NOMINAL
         )
         assert [(x.effect, x.location) for x in found.effects] == effects, found.sentence
+    told = found.effects[0].parameters["scale"]
+    assert told.value == pytest.approx(0.93 + TURNS_BY[0], abs=0.006)
+    assert told.ci[0] < 0.93 < told.ci[1]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hil.config import BicycleFile
 from hil.gap.bicycle.follows import follows
-from hil.gap.bicycle.intervals import widened
+from hil.gap.bicycle.intervals import beyond_usual
 from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
 from hil.gap.bicycle.noise import SLOW, tempered, with_tolerances
@@ -367,7 +367,7 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
 
     def shown(cause: Cause) -> Cause:
         signals = touched(c, none, cause.fit) or e.problem.signals
-        return widened(replace(cause, shrink=again(cause.fit, signals).shrink), c)
+        return beyond_usual(replace(cause, shrink=again(cause.fit, signals).shrink), c)
 
     causes = tuple(x if x.shrink is None else shown(x) for x in found.causes)
     by_name = {(x.effect, x.location): x for x in causes}

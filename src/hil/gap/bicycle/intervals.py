@@ -3,7 +3,7 @@
 What no curvature of a fit shows. A real spring stiffens as it goes in and a damper holds the rebound harder:
 linear ones that answer alike are others. A damping of fork or tyres hardly shows below 1.5 Hz: whatever
 changes no signal by a visible part of its floor is as likely. And what an effect is comes on top of what a
-healthy bicycle's calibration leaves anyway, which no record tells from it.
+healthy bicycle has anyway, on the whole or as its references showed, which no record tells from it.
 """
 
 from __future__ import annotations
@@ -31,9 +31,11 @@ LEFT: Final[Mapping[str, float]] = {
 """What stamps, scales and wheels of a healthy bicycle are off by together [R]."""
 
 
-def widened(cause: Cause, c: Calibrated) -> Cause:
-    """`cause` with intervals that hold what calibrations leave and what these rides do not show."""
+def beyond_usual(cause: Cause, c: Calibrated) -> Cause:
+    """`cause` less what any bicycle has of it, with intervals that hold what calibrations leave and what
+    these rides do not show."""
     sd = {n.name: n.sd for n in c.nuisances}
+    usual = {n.name: n.mean for n in c.nuisances}
     out: dict[str, ParameterValue] = {}
     for name, found in cause.parameters.items():
         full = f"{cause.location}.{cause.effect}.{name}"
@@ -50,7 +52,8 @@ def widened(cause: Cause, c: Calibrated) -> Cause:
                 unseen = _unseen(cause, c, full)
                 least, most = min(least, unseen[0]), max(most, unseen[1])
             low, high = min(low, least), max(high, most)
-        out[name] = replace(found, ci=(low, high))
+        own = usual.get(full, 0.0)
+        out[name] = replace(found, value=found.value - own, ci=(low - own, high - own))
     return replace(cause, parameters=out)
 
 
