@@ -306,4 +306,7 @@ def test_a_twin_on_springs_is_believed_where_it_needs_none_or_names_another(
     verdict: str, effects: tuple[str, ...], bend_hz: float, is_better: bool, stands: bool
 ):
     told = SimpleNamespace(verdict=verdict, effects=[SimpleNamespace(effect=x) for x in effects])
-    assert is_springs(told, bend_hz, is_better=is_better) is stands
+    assert is_springs(told, bend_hz, is_better=is_better, is_worse=False) is stands
+    # what the stiff twin says explains more than springs alone: they are not all there is
+    if verdict == "no_gap":
+        assert not is_springs(told, bend_hz, is_better=is_better, is_worse=True)

@@ -58,6 +58,9 @@ ODDS: Final = 1.2
 """Such units by which the best of those is ahead of the others at most, and again for each parameter that
 these data determine of another beyond its own: what is that small is how this rig differs from the twin, not
 which of them it is. Laws of friction that hold one another are excepted."""
+FAINT: Final = 5.0
+"""Nats of the best explanation of a small gap, up to which it is as good as none: no second effect, which
+must earn MORE, and no other twin is worth a look."""
 OTHER_TWIN: Final = 5.0
 """Nats by which another twin must explain better to be the right one: rig files are right most often."""
 LONGEST_LAG: Final = 60

@@ -103,13 +103,13 @@ def considered(q: Question, located: Located, parts: Split | None = None) -> Con
     q.say("computing what each candidate would do")
     bank = candidates_of(c, none, q.without)
     is_large = stands(located, c, none)
-    fits = fit_candidates(c, none, bank, q.without, q.say)
+    fits = fit_candidates(c, none, bank, is_large, q.without, q.say)
     calm = calmed(located, c, fits, q.seed)
     if calm is not None:
         q.say("once more beside the noise that the best fit leaves")
         located = calm
         c, none = begin(calm.evidence, parts, chosen, steps, q.seed)
-        fits = fitted_again(c, none, fits, bank, q.without, q.say)
+        fits = fitted_again(c, none, fits, bank, is_large, q.without, q.say)
     if steps:
         fits = rounded(c, fits, steps)
     return Considered(located, c, tuple(fits), bank, parts, is_large, q.missing)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Final
 
 from hil.gap.catalogue.sprung import BEND_HZ, BENDS_HZ, sprung_twin
-from hil.gap.fits.evidence import explains_better, weigh
+from hil.gap.fits.evidence import FAINT, explains_better, weigh
 from hil.gap.judged.clear import asked
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.located.habit import Habit, share_of
@@ -26,9 +26,6 @@ SPRINGY: Final = ("compliance", "loop_gain")
 
 GIVES: Final = frozenset({"compliance", "backlash"})
 """Effects that part a load from its motor."""
-
-FAINT: Final = 5.0
-"""Nats of the best explanation of a small gap, up to which it is as good as none."""
 
 Habits = list[tuple[Habit, float]]
 
@@ -126,7 +123,8 @@ def on_springs(q: Question, mine: Considered) -> tuple[Considered, Finding | Non
         q.say(f"once more with transmissions that swing at {bend_hz:g} Hz")
         other = considered(q, q.locate(twin), mine.parts)
         is_better = _better(mine, other) is other
-        if is_springs(other.answer(q.seed), bend_hz, is_better=is_better):
+        is_worse = explains_better(other.calibrated, other.fits[:1], mine.fits)
+        if is_springs(other.answer(q.seed), bend_hz, is_better=is_better, is_worse=is_worse):
             return other, _springs_found(bend_hz)
         if not is_better:
             break
@@ -146,11 +144,14 @@ def _springs_found(bend_hz: float) -> Finding:
     )  # fmt: skip
 
 
-def is_springs(told: Diagnosis, bend_hz: float, *, is_better: bool) -> bool:
+def is_springs(told: Diagnosis, bend_hz: float, *, is_better: bool, is_worse: bool) -> bool:
     """Whether the verdict of a twin on springs stands for that of the stiff one: on usual ones no gap is,
-    or it explains better than the stiff one and names what is no spring."""
+    or it explains better than the stiff one and names what is no spring.
+
+    `is_worse`: springs alone explain less than what the stiff twin's verdict says, so no gap is none.
+    """
     if told.verdict == "no_gap":
-        return bend_hz == BEND_HZ
+        return bend_hz == BEND_HZ and not is_worse
     return is_better and bool(told.effects) and not _is_springy(told)
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Final
 
 from hil.gap.catalogue.bank import Bank
+from hil.gap.fits.evidence import FAINT, gain, weigh
 from hil.gap.fits.fit import fit
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import EFFECT as LOST
@@ -60,15 +61,18 @@ def fit_candidates(
     c: Calibrated,
     none: Fit,
     bank: Bank,
+    is_large: bool,
     without: Collection[str],
     say: Report,
 ) -> list[Fit]:
-    """`none`, then all that was fitted."""
+    """`none`, then all that was fitted; several effects together only where the gap stands by itself
+    (`is_large`), or one of them has some evidence."""
     search, leaves = Search(c, bank), bank.leaves
     alone = _single_fits(c, none, search, leaves, without, say)
     fits = [none, *ended(c, none, [f for f in alone if is_itself(c, f)], say)]
-    fits += joint_fits(c, fits, search, leaves, without, say)
-    fits = alone_again(c, fits, say)
+    if is_large or gain(weigh(c, fits)[0]) > FAINT:
+        fits += joint_fits(c, fits, search, leaves, without, say)
+        fits = alone_again(c, fits, say)
     if len(min(fits, key=lambda f: f.total(c)).leaves) > 1:
         fits = [none, *ended(c, none, fits[1:], say)]
     fits = _bettered(c, fits, bristled(c, alone, fits, say))
@@ -81,6 +85,7 @@ def fitted_again(
     none: Fit,
     fits: Sequence[Fit],
     bank: Bank,
+    is_large: bool,
     without: Collection[str],
     say: Report,
 ) -> list[Fit]:
@@ -89,7 +94,7 @@ def fitted_again(
     seen = [replace(f, white=c.noise.whiten(c.problem, f.residual)) for f in fits if f.leaves]
     best = min(seen, key=lambda f: f.total(c))
     if len(best.leaves) > 1 or not is_whole(c, best, RARE):
-        fits = _bettered(c, fit_candidates(c, none, bank, without, say), seen)
+        fits = _bettered(c, fit_candidates(c, none, bank, is_large, without, say), seen)
         if not any(f.is_of(best.leaves) for f in fits if f is not best):
             say("fitting " + " + ".join(x.name for x in best.leaves) + " once more")
             again = fit(c, best.leaves, relative(c, best), best.z)
