@@ -46,7 +46,8 @@ def test_noise_that_wanders_is_no_gap_and_is_told(healthy, seed):
 
 
 def test_an_effect_is_named_beside_noise_that_wanders():
-    wheel = ("wheel_radius", "rear_wheel", {"scale": 1.05})
+    """Of a per cent less tyres can make all that stands above such noise."""
+    wheel = ("wheel_radius", "rear_wheel", {"scale": 1.06})
     found = diagnose_rides([wandering(ridden(short(), 62, wheel), 0.3, 3)], NOMINAL)
     assert [(x.effect, x.location) for x in found.effects] == [wheel[:2]], found.sentence
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from hil.gap.catalogue.bank import ABSOLUTE, shifted
-from hil.gap.catalogue.nuisances import LIMIT
 from hil.gap.fits.about import about, is_swinging
 from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of, weight
+from hil.gap.located.residual import ends as far_ends
 from hil.gap.located.residual import nuisance_sensitivities
 from hil.gap.record.leaf import Leaf
 from hil.gap.record.problem import LATENCY
@@ -92,8 +92,9 @@ def fit(
     residual = problem.measured - answer
     white = c.noise.whiten(problem, residual)
     covariance: Array = np.diag((WEAK * scale) ** 2)
-    lower = np.concatenate([np.full(len(held), -LIMIT), [e[0] for e in ends]])
-    upper = np.concatenate([np.full(len(held), LIMIT), [e[1] for e in ends]])
+    least, most = far_ends(problem, c.nuisances)
+    lower = np.concatenate([least[held], [e[0] for e in ends]])
+    upper = np.concatenate([most[held], [e[1] for e in ends]])
     spread = spread_of(c, white)
     stalled = 0
     for _ in range(2 * rounds if is_swinging(names) else rounds):
@@ -181,12 +182,13 @@ def _begin(
     """
     spread = spread_of(c, c.white)
     unmoved = _total(c, c.white, c.z[held], spread)
+    z = np.clip(z, *far_ends(c.problem, c.nuisances))
     best: tuple[float, Array, Array, Array] | None = None
     for share in NEARER:
         vector = np.array(c.vector)
         moved = np.array(c.z[held])
         for row, k in enumerate(held):
-            step = share * (float(np.clip(z[k], -LIMIT, LIMIT)) - float(c.z[k]))
+            step = share * (float(z[k]) - float(c.z[k]))
             moved[row] += step
             vector[c.problem.table.index(c.nuisances[k].name)] += c.nuisances[k].sd * step
         for n, value in start.items():

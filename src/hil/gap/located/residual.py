@@ -79,9 +79,7 @@ def refit(
     sd = np.array([n.sd for n in nuisances])
     index = [problem.table.index(n.name) for n in nuisances]
     centre = problem.base[index] + np.array([n.mean for n in nuisances])
-    entries = [problem.table.entries[i] for i in index]
-    lower = np.maximum((np.array([p.lower for p in entries]) - centre) / sd, -LIMIT)
-    upper = np.minimum((np.array([p.upper for p in entries]) - centre) / sd, LIMIT)
+    lower, upper = ends(problem, nuisances)
     vector = expected(problem, nuisances) if start is None else np.array(start)
     z = np.clip((vector[index] - centre) / sd, lower, upper)
     vector[index] = centre + sd * z
@@ -121,6 +119,17 @@ def refit(
         for k, n in enumerate(nuisances)
     )  # fmt: skip
     return Refit(vector, residual, J, fitted)
+
+
+def ends(problem: Problem, nuisances: Sequence[Nuisance]) -> tuple[Array, Array]:
+    """(K,) how far nuisances may go, in their deviations from where they are thought to be: LIMIT, or where
+    the parameter itself ends."""
+    sd = np.array([n.sd for n in nuisances])
+    entries = [problem.table[n.name] for n in nuisances]
+    centre = expected(problem, nuisances)[[problem.table.index(n.name) for n in nuisances]]
+    lower = (np.array([p.lower for p in entries]) - centre) / sd
+    upper = (np.array([p.upper for p in entries]) - centre) / sd
+    return np.maximum(lower, -LIMIT), np.minimum(upper, LIMIT)
 
 
 def expected(problem: Problem, nuisances: Sequence[Nuisance]) -> Array:
