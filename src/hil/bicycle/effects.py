@@ -82,15 +82,15 @@ class RideEffects:
     def _rolled(self, bicycle: Packed, told: Smooth) -> Smooth:
         """`told` with the rear wheel as one turns that goes the same way without creeping under what it
         drives and brakes with."""
-        creep = self.values["rear_wheel.drive_slip.per_accel"] * bicycle.p[ROLLING]
-        if creep == 0.0:
+        creeps = self.values[CREEP]
+        if creeps == 0.0:
             return told
-        rate = told.rate[:, 1] * (1.0 - creep * told.acceleration[:, 1])
-        turned = cumulative_trapezoid(rate, dx=told.dt_s, initial=0.0)
-        angle, rates, accelerations = (x.copy() for x in (told.angle, told.rate, told.acceleration))
-        angle[:, 1] = told.angle[0, 1] + turned
-        rates[:, 1], accelerations[:, 1] = rate, central(rate, told.dt_s)
-        return Smooth(told.dt_s, angle, rates, accelerations)
+        more = crept(told.rate[:, 1], told.acceleration[:, 1], creeps * bicycle.p[ROLLING])
+        angle, rate, acceleration = (x.copy() for x in (told.angle, told.rate, told.acceleration))
+        angle[:, 1] -= cumulative_trapezoid(more, dx=told.dt_s, initial=0.0)
+        rate[:, 1] -= more
+        acceleration[:, 1] = central(rate[:, 1], told.dt_s)
+        return Smooth(told.dt_s, angle, rate, acceleration)
 
     @property
     def gives_way(self) -> bool:
