@@ -10,7 +10,7 @@ from hil.bicycle.sensors import IMU_SIGNALS, noise_of
 from hil.config.bicycle import SIGNALS
 from hil.gap.bicycle import diagnose_rides, locate_rides
 from hil.gap.bicycle.follows import _said, follows
-from tests.whole.test_bicycle_gap import NOMINAL, ridden, short
+from tests.whole.test_bicycle_gap import NOMINAL, ROLLS, ridden, short
 
 LASTS_S = 0.3
 
@@ -46,9 +46,8 @@ def test_noise_that_wanders_is_no_gap_and_is_told(healthy, seed):
 
 
 def test_an_effect_is_named_beside_noise_that_wanders():
-    """Of a per cent less tyres can make all that stands above such noise."""
-    wheel = ("wheel_radius", "rear_wheel", {"scale": 1.06})
-    found = diagnose_rides([wandering(ridden(short(), 62, wheel), 0.3, 3)], NOMINAL)
+    wheel = ("wheel_radius", "rear_wheel", {"scale": 1.05})
+    found = diagnose_rides([wandering(ridden(short(), 62, wheel, *ROLLS), 0.3, 3)], NOMINAL)
     assert [(x.effect, x.location) for x in found.effects] == [wheel[:2]], found.sentence
 
 
