@@ -29,7 +29,7 @@ cambered as it is steered alone turns it by a fiftieth more [R; 54 healthy rides
 on tyres that slip, turn by 0 to 3 % more and by none less]."""
 TURNS_LATE_S: Final = (0.006, 0.004)
 """By how much a bicycle turns later than it is steered, and give or take how much: a tyre takes its side
-force up within some decimetres [R; those rides: 1 to 10 ms]; none lets it turn earlier."""
+force up within some decimetres [R; those rides: 1 to 11 ms]; none lets it turn earlier."""
 CREEPS: Final = (0.003, 0.002)
 """s²/m: share of its way that the rear wheel turns further for each m/s² that it drives with, and give or
 take how much [R: it bears three fifths of the weight, and tyres slip by a thirtieth under as much force as

@@ -27,7 +27,7 @@ NATS: Final = 20.0
 """What a set must leave for a further effect to be looked for, and what that must take: of the loss of fits,
 where samples count as if they were independent [set on training cases]."""
 FEW: Final = 10.0
-"""The same of what takes it where whatever is left is a gap, since no single effect is the answer [set on
+"""The same of what takes it where something was found or a gap is unknown, however little is left [set on
 used-up rides 624 and 625]."""
 PROMISE: Final = 0.15
 """Of what the others leave, the least that a further effect takes in the linear picture."""

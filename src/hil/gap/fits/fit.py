@@ -17,8 +17,7 @@ from scipy.optimize import lsq_linear
 from hil.gap.catalogue.bank import ABSOLUTE, shifted
 from hil.gap.fits.about import about, is_swinging
 from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of, weight
-from hil.gap.located.residual import ends as far_ends
-from hil.gap.located.residual import nuisance_sensitivities
+from hil.gap.located.residual import nuisance_sensitivities, reach
 from hil.gap.record.leaf import Leaf
 from hil.gap.record.problem import LATENCY
 from hil.sim.parameters import Parameter
@@ -92,7 +91,7 @@ def fit(
     residual = problem.measured - answer
     white = c.noise.whiten(problem, residual)
     covariance: Array = np.diag((WEAK * scale) ** 2)
-    least, most = far_ends(problem, c.nuisances)
+    least, most = reach(problem, c.nuisances)
     lower = np.concatenate([least[held], [e[0] for e in ends]])
     upper = np.concatenate([most[held], [e[1] for e in ends]])
     spread = spread_of(c, white)
@@ -182,7 +181,7 @@ def _begin(
     """
     spread = spread_of(c, c.white)
     unmoved = _total(c, c.white, c.z[held], spread)
-    z = np.clip(z, *far_ends(c.problem, c.nuisances))
+    z = np.clip(z, *reach(c.problem, c.nuisances))
     best: tuple[float, Array, Array, Array] | None = None
     for share in NEARER:
         vector = np.array(c.vector)

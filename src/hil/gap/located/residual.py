@@ -79,7 +79,7 @@ def refit(
     sd = np.array([n.sd for n in nuisances])
     index = [problem.table.index(n.name) for n in nuisances]
     centre = problem.base[index] + np.array([n.mean for n in nuisances])
-    lower, upper = ends(problem, nuisances)
+    lower, upper = reach(problem, nuisances)
     vector = expected(problem, nuisances) if start is None else np.array(start)
     z = np.clip((vector[index] - centre) / sd, lower, upper)
     vector[index] = centre + sd * z
@@ -121,7 +121,7 @@ def refit(
     return Refit(vector, residual, J, fitted)
 
 
-def ends(problem: Problem, nuisances: Sequence[Nuisance]) -> tuple[Array, Array]:
+def reach(problem: Problem, nuisances: Sequence[Nuisance]) -> tuple[Array, Array]:
     """(K,) how far nuisances may go, in their deviations from where they are thought to be: LIMIT, or where
     the parameter itself ends."""
     sd = np.array([n.sd for n in nuisances])
