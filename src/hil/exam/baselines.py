@@ -22,8 +22,8 @@ from hil.config import AnyRig, BicycleFile, Effect
 from hil.config.bicycle import SIGNALS as ANGLES
 from hil.exam.case import Case
 from hil.gap import Nuisance, Problem, refit
-from hil.gap.bicycle import locate_any
-from hil.gap.bicycle.leaves import ride_nuisances
+from hil.gap.bicycle import RideProblem, locate_any
+from hil.gap.bicycle.nuisances import ride_nuisances
 from hil.gap.diagnose import as_found
 from hil.gap.fits.heldout import score, split
 from hil.gap.located.residual import Refit, cost
@@ -144,6 +144,7 @@ def _calibrated(case: Case) -> tuple[list[Nuisance] | None, Located | None]:
 
 def _nuisances(case: Case, e: Evidence) -> tuple[Nuisance, ...]:
     if isinstance(case.rig, BicycleFile):
+        assert isinstance(e.problem, RideProblem)
         return ride_nuisances(case.rig, e.problem)
     return nuisances_of(e.problem)
 

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from hil.config import BicycleFile
 from hil.gap.bicycle.follows import follows
 from hil.gap.bicycle.intervals import beyond_usual
-from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.locate import locate_rides
 from hil.gap.bicycle.noise import SLOW, tempered, with_tolerances
+from hil.gap.bicycle.nuisances import ride_nuisances
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.road import slopes_of
 from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
 from hil.gap.bicycle.sets import fit_alone, fit_sets
 from hil.gap.bicycle.verdict import by_energy, is_usual, standing, twins, unsaid, with_road
+from hil.gap.bicycle.wheels import Wheels
 from hil.gap.catalogue.nature import RIDER
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
@@ -105,6 +106,7 @@ def _diagnosed(
 ) -> Diagnosis:
     """The diagnosis with the file's own rider, if it has one."""
     nuisances: list[Nuisance] | None = None
+    wheels: Wheels | None = None
     older: Finding | None = None
     if healthy:
         say("calibrating on the healthy references")
@@ -116,21 +118,23 @@ def _diagnosed(
                 effects, older = as_it_was(rig.effects, was)
                 rig = rig.model_copy(update={"effects": effects})
                 known = _as_ridden(healthy, rig, seed)
-        nuisances = as_found(known, ride_nuisances(rig, known.evidence.problem))
+        wheels = _rides(known).wheels
+        nuisances = as_found(known, ride_nuisances(rig, _rides(known)))
 
-    def on(slow: float) -> tuple[Diagnosis, tuple[Finding, ...]]:
-        level = _on_road(loaded, rig, nuisances, (), slow, without, seed, say)
+    def on(slow: float, wheels: Wheels | None) -> tuple[Diagnosis, tuple[Finding, ...]]:
+        level = _on_road(loaded, rig, nuisances, (), slow, wheels, without, seed, say)
         if not (slopes := _road(level.located, level.best)):
             return level, ()
         say("once more on roads that rise and fall")
-        rolling = _on_road(loaded, rig, nuisances, slopes, slow, without, seed, say)
+        wheels = _rides(level.located).wheels
+        rolling = _on_road(loaded, rig, nuisances, slopes, slow, wheels, without, seed, say)
         return rolling, (_rolling(slopes),)
 
     say("locating the gap")
-    found, findings = on(0.0)
+    found, findings = on(0.0, wheels)
     if found.verdict == "unknown":
         say("once more with sensors whose noise wanders")
-        calmer, told = on(SLOW)
+        calmer, told = on(SLOW, _rides(found.located).wheels)
         if calmer.verdict != "unknown" and not _still_follows(calmer, found.located.evidence.noise):
             found, findings = calmer, (*told, WANDERING)
     if older is not None:
@@ -146,22 +150,29 @@ def _as_ridden(runs: Sequence[Run], rig: BicycleFile, seed: int) -> Located:
     return locate_rides(runs, rig, seed=seed, slopes=slopes) if slopes else level
 
 
+def _rides(located: Located) -> RideProblem:
+    """The rides that were located."""
+    problem = located.evidence.problem
+    assert isinstance(problem, RideProblem)
+    return problem
+
+
 def _road(located: Located, best: Fit | None) -> list[Array]:
     """Slopes of the rides' roads, as what `best` leaves asks for them, or the nuisances alone; none where
     roads may be level."""
-    e = located.evidence
-    assert isinstance(e.problem, RideProblem)
+    e, problem = located.evidence, _rides(located)
     vector = e.vector if best is None else best.vector
-    left = e.residual if best is None else e.problem.residual(vector)
-    return slopes_of(e.problem, e.noise, vector, left)
+    left = e.residual if best is None else problem.residual(vector)
+    return slopes_of(problem, e.noise, vector, left)
 
 
 def _still_follows(found: Diagnosis, noise: NoiseModel) -> bool:
     """Whether what a diagnosis leaves follows from how it was ridden, in floors of `noise`."""
-    e = found.located.evidence
-    assert isinstance(e.problem, RideProblem)
-    vector = found.best.vector if found.effects and found.best is not None else e.vector
-    return follows(e.problem, noise, vector, e.problem.residual(vector)) is not None
+    problem = _rides(found.located)
+    vector = found.located.evidence.vector
+    if found.effects and found.best is not None:
+        vector = found.best.vector
+    return follows(problem, noise, vector, problem.residual(vector)) is not None
 
 
 def _rolling(slopes: Sequence[Array]) -> Finding:
@@ -179,21 +190,28 @@ def _on_road(
     nuisances: Sequence[Nuisance] | None,
     slopes: Sequence[Array],
     slow: float,
+    wheels: Wheels | None,
     without: Collection[str],
     seed: int,
     say: Callable[[str], None],
 ) -> Diagnosis:
     """The diagnosis on roads of such slopes, level ones where there are none, with so much of the noise slow
-    besides."""
-    located = locate_rides(loaded, rig, nuisances=nuisances, seed=seed, slopes=slopes, slow=slow)
-    chosen = nuisances or list(ride_nuisances(rig, located.evidence.problem))
+    besides, on such wheels, or those that the rides tell."""
+
+    def located_with(nuisances: Sequence[Nuisance] | None, wheels: Wheels | None) -> Located:
+        return locate_rides(
+            loaded, rig, nuisances=nuisances, seed=seed, slopes=slopes, slow=slow, wheels=wheels
+        )
+
+    located = located_with(nuisances, wheels)
+    problem = _rides(located)
+    chosen = nuisances or list(ride_nuisances(rig, problem))
     steps = {} if ROUNDED in without else coarse_steps_of_rides(loaded, rig)
     found = _explained(located, chosen, steps, without, seed, say)
     if far := _strained(found, located, chosen):
         say(f"once more without what no calibration sets right: {', '.join(far)}")
         fewer = [_held(n) if n.name.rpartition(".")[0] in far else n for n in chosen]
-        anew = locate_rides(loaded, rig, nuisances=fewer, seed=seed, slopes=slopes, slow=slow)
-        named = _explained(anew, fewer, steps, without, seed, say)
+        named = _explained(located_with(fewer, problem.wheels), fewer, steps, without, seed, say)
         if _named(named) > _named(found) and _is_further(named, chosen):
             return named
     return found
@@ -208,11 +226,9 @@ def _explained(
     say: Callable[[str], None],
 ) -> Diagnosis:
     """The diagnosis of what was located with the nuisances `chosen`, beside the `steps` of its signals."""
-    e = located.evidence
+    e, problem = located.evidence, _rides(located)
     sd = np.array([n.sd for n in chosen])
     floor = e.noise
-    assert isinstance(e.problem, RideProblem)
-    problem = e.problem
     if steps:
         floor = with_steps(floor, problem, e.vector, steps, np.random.default_rng(seed + 3))
 

@@ -12,10 +12,12 @@ from hil.bicycle.checks import check_ride
 from hil.bicycle.recorded import prepare
 from hil.config import BicycleFile
 from hil.errors import IdentificationError
-from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.noise import no_louder, ride_noise, tempered
+from hil.gap.bicycle.nuisances import ride_nuisances
 from hil.gap.bicycle.problem import RideProblem
+from hil.gap.bicycle.rolled import rolled
 from hil.gap.bicycle.twin import LEAN_TORQUE
+from hil.gap.bicycle.wheels import THIN, Wheels
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.floor.noise import projected
 from hil.gap.located.cells import count_cells
@@ -33,6 +35,11 @@ ALONE: Final = Finding(
     "warning", "imu",
     "is not recorded: only the lean torque that nobody gives is judged; what moves no balance is unseen",
 )  # fmt: skip
+NARROW: Final = Finding(
+    "info", "wheels",
+    "roll as thin hard ones do, without the creep, the lag and the section of tyres, so that less is allowed "
+    "for those",
+)  # fmt: skip
 
 
 def locate_rides(
@@ -43,10 +50,12 @@ def locate_rides(
     seed: int = 0,
     slopes: Sequence[Array] = (),
     slow: float = 0.0,
+    wheels: Wheels | None = None,
 ) -> Located:
     """Locate the gap between rides and the bicycle's model, on roads of those slopes where they are given
     (`hil.gap.bicycle.road`), with `slow` of the sensors' noise besides as noise that lasts
-    (`hil.gap.bicycle.noise`); IdentificationError where channels lie."""
+    (`hil.gap.bicycle.noise`), on `wheels`, which they tell themselves by default (`hil.gap.bicycle.rolled`);
+    IdentificationError where channels lie."""
     loaded = list(runs)
     rides = [prepare(run, rig) for run in loaded]
     findings = []
@@ -56,7 +65,9 @@ def locate_rides(
                 raise IdentificationError(f"{ride.name}: {f.subject}: {f.text}")
             is_warning = f.verdict == "warning"
             findings.append(Finding("warning" if is_warning else "info", f.subject, f.text))
-    problem = RideProblem(rig, rides, slopes)
+    problem = RideProblem(rig, rides, slopes, wheels or rolled(rides, rig, seed))
+    if problem.wheels is THIN:
+        findings.append(NARROW)
     if problem.signals == (LEAN_TORQUE,):
         findings.append(ALONE)
     chosen = nuisances or ride_nuisances(rig, problem)

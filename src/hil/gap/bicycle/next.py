@@ -24,8 +24,8 @@ from hil.bicycle.simulated import save
 from hil.blas import one_blas_thread
 from hil.config import BicycleFile
 from hil.errors import IdentificationError, KinematicsError, RunError
-from hil.gap.bicycle.leaves import ride_nuisances
 from hil.gap.bicycle.noise import ride_noise, tempered, with_tolerances
+from hil.gap.bicycle.nuisances import ride_nuisances
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.floor.noise import NoiseModel

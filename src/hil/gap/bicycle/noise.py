@@ -17,7 +17,7 @@ from scipy.signal import lfilter, welch
 
 from hil.bicycle.sensors import IMU_SIGNALS, noise_of
 from hil.config.bicycle import SIGNALS
-from hil.gap.bicycle.leaves import SCALE
+from hil.gap.bicycle.nuisances import SCALE
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.sideslip import slipped
 from hil.gap.bicycle.twin import LEAN_TORQUE, RideTwin
@@ -69,9 +69,6 @@ TILT: Final = 0.0015
 """rad of the steer axis: a tenth of a degree [R]."""
 LATE_S: Final = 0.001
 """Of lean, wheel and steer against each other: a tenth of a sample [R]."""
-SLIP: Final = 8e-4
-"""rad for each m/s² across, of a hard tyre's slip and of what fork and frame give way [R]: what is steered
-is not where the wheels roll."""
 FIRM: Final = (2.5e5, 250.0)
 """N/m and N s/m of a hard tyre under its load, one standard deviation softer than none that gives [R: road
 tyres have 150 to 300 kN/m]."""
@@ -210,7 +207,7 @@ def with_tolerances(
         for twin in problem.twins:
             own = np.random.default_rng(seed)
             built = replace(twin, bicycle=_built(twin.bicycle, own))
-            steered = slipped(twin, values, SLIP * own.standard_normal())
+            steered = slipped(twin, values, problem.wheels.slips * own.standard_normal())
             right, wrong = twin.answer(values), built.answer(told, steered)
             parts += [EDGE * (wrong[s] - right[s]) for s in twin.signals]
         off[d] = np.concatenate(parts)

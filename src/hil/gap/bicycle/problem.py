@@ -18,6 +18,7 @@ from hil.config import BicycleFile
 from hil.errors import IdentificationError
 from hil.gap.bicycle.leaves import ride_leaves
 from hil.gap.bicycle.twin import FREE_M_S, LEAN_TORQUE, RideTwin
+from hil.gap.bicycle.wheels import TYRES, Wheels
 from hil.gap.record.leaf import Leaf
 from hil.gap.record.problem import Mask, Problem, Series
 from hil.rigs.bicycle import pack
@@ -29,7 +30,8 @@ EARLY_S: Final = 0.005
 """By which stamps may be early beyond the delays that the rig file takes off: three times what a healthy
 bicycle's clocks are apart."""
 TURNING_S: Final = 0.02
-"""The same of the steer, for a bicycle turns later than it is steered: three times `TURNS_LATE_S`."""
+"""The same of the steer, for a bicycle turns later than it is steered: three times what tyres
+turn it later by, give or take (`hil.gap.bicycle.wheels`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,15 +62,20 @@ class RidePiece:
 class RideProblem(Problem):
     """Measured and predicted samples of some rides of one bicycle: IMU signals, and the lean torque left.
 
-    `slopes`: of the rides' roads, where they are known. IdentificationError where no ride carries an IMU and
-    no rider's mass tells the lean torque.
+    `slopes`: of the rides' roads, where they are known; `wheels`: what they were ridden on.
+    IdentificationError where no ride carries an IMU and no rider's mass tells the lean torque.
     """
 
     def __init__(
-        self, rig: BicycleFile, rides: Sequence[Ride], slopes: Sequence[Array | None] = ()
+        self,
+        rig: BicycleFile,
+        rides: Sequence[Ride],
+        slopes: Sequence[Array | None] = (),
+        wheels: Wheels = TYRES,
     ) -> None:
         self.rig: Any = rig
         self.rides = tuple(rides)
+        self.wheels = wheels
         self.clocks = {}
         self.settle_s = 0.0
         self.table = ParameterTable(rig)
@@ -129,7 +136,9 @@ class RideProblem(Problem):
     def on(self, pieces: Any, clocks: Any) -> RideProblem:
         """The same questions of other rides."""
         del clocks  # drives have them
-        return RideProblem(self.rig, [p.ride for p in pieces], [p.slope for p in pieces])
+        return RideProblem(
+            self.rig, [p.ride for p in pieces], [p.slope for p in pieces], self.wheels
+        )
 
     def values(self, vector: Array) -> dict[str, float]:
         """A parameter vector by name."""
