@@ -5,7 +5,7 @@ import pytest
 
 from hil.configfile import load_rig
 from hil.gap.located.habit import share_of
-from hil.gap.located.habits import BENDS, FEEDS, LOADS, RESTS, WEIGHS
+from hil.gap.located.habits import BENDS, FEEDS, LOADS, RESTS, TAKES_TIME, WEIGHS
 from hil.gap.located.locate import locate
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
@@ -101,3 +101,19 @@ def test_only_friction_that_acts_at_once_is_asked_whether_it_bends():
     assert BENDS.may(FAST)
     assert BENDS.may(AXIS)
     assert not BENDS.may(BENDS.twin(FAST, 1.0))
+
+
+def test_loops_that_take_their_time_are_seen_and_so_are_those_that_do_not():
+    for rig in (AXIS, FAST):
+        assert share_of(TAKES_TIME, locate(record(rig=TAKES_TIME.twin(rig, 1.2)), rig)) == 1.2
+        assert not share_of(TAKES_TIME, locate(record(rig=rig), rig))
+
+
+@pytest.mark.parametrize(
+    "what",
+    [effect("transport_delay", delay=0.0012), effect("loop_gain", position=1.15)],
+    ids=lambda e: e.effect,
+)
+def test_what_is_another_lag_or_gain_is_no_loop_that_takes_its_time(what):
+    for rig in (AXIS, FAST):
+        assert not share_of(TAKES_TIME, locate(record(what, rig=rig), rig))

@@ -10,7 +10,19 @@ from hil.configfile import load_rig
 from hil.exam.world import Scatter, build_world, play
 from hil.gap.diagnose import diagnose
 from hil.gap.located.habit import share_of
-from hil.gap.located.habits import BENDS, BENDS_M, FEEDS, GUIDES, LEADS, LEGS, LOADS, RESTS, WEIGHS
+from hil.gap.located.habits import (
+    BENDS,
+    BENDS_M,
+    FEEDS,
+    GUIDES,
+    LATER_S,
+    LEADS,
+    LEGS,
+    LOADS,
+    RESTS,
+    TAKES_TIME,
+    WEIGHS,
+)
 from hil.gap.located.locate import locate
 from hil.gap.record.runs import as_runs
 from tests.exam.worlds import sway
@@ -174,6 +186,22 @@ def test_friction_that_builds_up_within_micrometres_is_no_gap_and_is_said():
     assert found.verdict == "no_gap"
     (finding,) = [f for f in found.located.findings if f.subject == "actuators.presliding"]
     assert finding.belongs == [pytest.approx(BENDS_M, rel=0.5)]
+
+
+@pytest.mark.parametrize(
+    ("what", "verdict"),
+    [((), "no_gap"), ((effect("transport_delay", delay=0.0012),), "ambiguous")],
+    ids=["healthy", "late"],
+)
+def test_loops_that_take_their_time_are_no_gap_and_hide_none(what, verdict):
+    fast = load_rig("axis_canopen")
+    found = diagnose(record(*what, rig=TAKES_TIME.twin(fast, 1.2)), fast)
+    assert found.verdict == verdict
+    assert [x.effect for x in found.effects] == [x.effect for x in what]
+    (finding,) = [f for f in found.located.findings if f.subject == "actuators.current_hz"]
+    (lag_s,) = (1.0 / (2.0 * math.pi * hz) for hz in finding.belongs)
+    own_s = 1.0 / (2.0 * math.pi * fast.actuators[0].current_hz)
+    assert lag_s - own_s == pytest.approx(1.2 * LATER_S, rel=0.6)
 
 
 FINE = load_rig("axis_canopen")

@@ -6,6 +6,8 @@
   on a healthy rig.
 - Drives make the first step of such a line at the tick at which they take the setpoint, and so are a tick
   early in everything. No effect of the catalogue is: delays are added.
+- Drives take their time: what they compute for, filter speeds with and switch currents by adds to the lag of
+  their current loops. To a twin whose loops have that of the file alone their gains seem larger.
 - Drives that are told forces draw each out in a line, as they do positions (`bus.force_interpolation`): all
   that they do is half a cycle later and smoother.
 - Drives feed the static force forward beside their cascade (law "cascade_static"). Their integrators have
@@ -35,6 +37,11 @@ from hil.gap.located.result import Located
 
 EARLY: Final = 0.4
 """Of a tick of the position loop, by which all drives seem early, half of them more, where they may lead."""
+LATER_S: Final = 2e-4
+"""By how much loops lag more where the share of that habit is 1 [R: two steps of a speed loop,
+its filter]."""
+LATER: Final = (0.5, 0.8, 1.2, 1.8)
+"""Shares of that which are tried."""
 LEGS: Final = 0.05
 """Of the platform's mass, what all legs together weigh where the share of their habit is 1 [R]."""
 BENDS_M: Final = 2e-5
@@ -76,6 +83,15 @@ def _is_early(located: Located) -> float:
     ends = ("transport_delay.delay", "position.sensor_latency.delay")
     late = [sum(found.get(f"{a}.{end}", 0.0) for end in ends) for a in rig.actuator_names]
     return float(float(np.median(late)) < -EARLY * rig.bus.position_loop)
+
+
+def _taking_time(rig: RigFile, share: float) -> RigFile:
+    def later(a: Actuator) -> Actuator:
+        turn = 2.0 * math.pi
+        lag_s = 1.0 / (turn * a.current_hz) + share * LATER_S
+        return a.model_copy(update={"current_hz": 1.0 / (turn * lag_s)})
+
+    return rig.model_copy(update={"actuators": tuple(map(later, rig.actuators))})
 
 
 def _drawing(rig: RigFile, _: float) -> RigFile:
@@ -160,6 +176,16 @@ LEADS: Final = Habit(
     ),
     asked=_is_early,
 )  # fmt: skip
+TAKES_TIME: Final = Habit(
+    "actuators.current_hz", "drives whose loops take their time", lambda rig: True, _taking_time,
+    lambda twin: (
+        "the drives' loops seem to lag as if their current loops had "
+        f"{min(a.current_hz for a in twin.actuators):.0f} Hz, for drives compute, filter and switch: those "
+        "of the twin do so"
+    ),
+    told=0.01,
+    sizes=LATER,
+)  # fmt: skip
 DRAWS: Final = Habit(
     "bus.force_interpolation", "drives that draw out what force they are told",
     lambda rig: rig.bus.force_interpolation == "hold", _drawing,
@@ -216,5 +242,5 @@ def _weighs(is_fed: bool, may: Callable[[RigFile], bool], and_drives: str) -> Ha
 
 WEIGHS: Final = _weighs(True, _may_weigh, "and drives reckon with it")
 LOADS: Final = _weighs(False, _may_load, "and drives do not know of it")
-HABITS: Final = (RESTS, LEADS, FEEDS, BENDS, WEIGHS, LOADS)
+HABITS: Final = (RESTS, LEADS, TAKES_TIME, FEEDS, BENDS, WEIGHS, LOADS)
 """Those that a record is asked for by their share."""
