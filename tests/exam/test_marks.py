@@ -368,3 +368,11 @@ def test_a_set_may_hold_something_unknown() -> None:
     paper = Paper("", _answer("identified", BACKLASH), {**said, "unknown_probability": 0.35})
     assert paper.credible() == [("backlash", "axis"), ("unknown", "")]
     assert paper.credible_probability == pytest.approx(0.95)
+
+
+def test_a_set_states_no_more_than_all() -> None:
+    """Effects that act together have a probability each."""
+    said = _said("identified", _cause("backlash", p=0.85), _cause("hysteresis", p=0.75))
+    paper = Paper("", _answer("identified", BACKLASH), said)
+    assert paper.credible() == [("backlash", "axis"), ("hysteresis", "axis")]
+    assert paper.credible_probability == 1.0

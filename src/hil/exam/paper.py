@@ -160,8 +160,9 @@ class Paper:
 
     @property
     def credible_probability(self) -> float:
-        """What these causes add up to: more than SET_SHARE, for causes come whole."""
-        return sum(chance for _, chance in self._credible())
+        """What these causes add up to: more than SET_SHARE, for causes come whole, and no more than 1, though
+        effects that act together each have their own."""
+        return min(sum(chance for _, chance in self._credible()), 1.0)
 
     def _credible(self) -> list[tuple[Leaf, float]]:
         chances = [(_leaf(c), float(c.get("probability") or 0.0)) for c in self.causes]
