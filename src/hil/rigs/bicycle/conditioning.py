@@ -11,6 +11,7 @@ to the road", section 3.2.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +32,17 @@ class Smooth:
 
 def low_pass(values: Array, dt_s: float, cutoff_hz: float, order: int = 2) -> Array:
     """Columns of `values` through the Butterworth forward and backward: no delay, gain 1/2 at the cutoff."""
-    sections = butter(order, cutoff_hz, fs=1.0 / dt_s, output="sos")
+    sections = _sections(order, cutoff_hz, dt_s)
     # the transient dies within two periods of the cutoff; short records are padded by what they have
     pad = min(len(values) - 1, int(2.0 / (cutoff_hz * dt_s)))
     out: Array = sosfiltfilt(sections, values, axis=0, padlen=pad)
     return out
+
+
+@lru_cache(maxsize=64)
+def _sections(order: int, cutoff_hz: float, dt_s: float) -> Array:
+    """Designing a filter takes as long as passing a ride through it."""
+    return np.asarray(butter(order, cutoff_hz, fs=1.0 / dt_s, output="sos"))
 
 
 def central(values: Array, dt_s: float) -> Array:
