@@ -48,7 +48,7 @@ def rolled(rides: Sequence[Ride], rig: BicycleFile, seed: int = 0) -> Wheels:
     noise = ride_noise(problem, problem.base, np.random.default_rng(seed))
     found = refit(problem, noise, priors)
     white = noise.whiten(problem, found.residual)
-    bent = max(float(np.sqrt(np.mean(np.minimum(white, 10.0) ** 2))) / BENT, 1.0)
+    bent = max(float(np.sqrt(np.mean(np.clip(white, -10.0, 10.0) ** 2))) / BENT, 1.0)
     nats = sum(_said(f, thin[f.name], tyres[f.name], bent) for f in found.fitted if f.name in tyres)
     return THIN if nats > CLEAR else TYRES
 
