@@ -14,10 +14,10 @@ from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import IdentificationError
 from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
-from hil.gap.bicycle.diagnose import _held, _is_further
 from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.nuisances import ride_nuisances
+from hil.gap.bicycle.strained import held_still, is_further
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.bicycle.verdict import leaves_as_much
 from hil.gap.bicycle.wheels import TYRES
@@ -431,8 +431,8 @@ def test_a_nuisance_that_went_no_further_than_calibrations_leave_it_is_no_effect
         return SimpleNamespace(effects=(wheel,), causes=(wheel,), calibrated=found)
 
     priors = [Nuisance("rear_wheel.wheel_radius.scale", 0.002, "1")]
-    assert not _is_further(named(1.004), priors)
-    assert _is_further(named(1.012), priors)
+    assert not is_further(named(1.004), priors)
+    assert is_further(named(1.012), priors)
 
 
 @pytest.mark.parametrize(
@@ -450,13 +450,13 @@ def test_what_a_nuisance_explains_nearly_as_well_is_no_effect(turned, less, is_e
     named = SimpleNamespace(
         effects=(wheel,), causes=(wheel, mounted), calibrated=SimpleNamespace(problem=problem)
     )
-    assert _is_further(named, [Nuisance("imu.sensor_misalignment.y", 0.003, "rad")]) is is_effect
+    assert is_further(named, [Nuisance("imu.sensor_misalignment.y", 0.003, "rad")]) is is_effect
 
 
 def test_a_nuisance_that_is_to_explain_nothing_stays_where_a_reference_left_it(healthy):
     problem = RideProblem(NOMINAL, [prepare(healthy, NOMINAL)])
     known = [replace(n, mean=2.0 * n.sd) for n in ride_nuisances(NOMINAL, problem)]
-    found = locate_rides([healthy], NOMINAL, nuisances=[_held(n) for n in known])
+    found = locate_rides([healthy], NOMINAL, nuisances=[held_still(n) for n in known])
     for n, f in zip(known, found.nuisances, strict=True):
         assert f.change == pytest.approx(n.mean, abs=0.01 * n.sd), n.name
 

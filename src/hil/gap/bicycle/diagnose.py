@@ -19,6 +19,7 @@ from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.road import slopes_of
 from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
 from hil.gap.bicycle.sets import fit_alone, fit_sets
+from hil.gap.bicycle.strained import held_still, is_further, strained
 from hil.gap.bicycle.verdict import by_energy, is_usual, standing, twins, unsaid, with_road
 from hil.gap.bicycle.wheels import Wheels
 from hil.gap.catalogue.nature import RIDER
@@ -47,20 +48,11 @@ LARGE: Final = 3.0
 """Floors from which on what the model of a gap may be off by is no more guessed but taken from the best."""
 TURNS: Final = 2
 """Times that is done: the first time the best is still one of a model that may be off by much."""
-STRAIN: Final = 2.6
-"""Prior standard deviations from which on a nuisance has gone further than calibrations leave anything."""
-FAR: Final = 3.3
-"""The same where an effect that is no nuisance stands for it: of fifteen nuisances one is STRAIN away in
-every seventh healthy ride."""
-NEARLY: Final = 15.0
-"""Nats by which such an effect must explain more than a nuisance that is not FAR."""
 WANDERING: Final = Finding(
     "info", "noise",
     "may wander: more stands in the signals than white noise leaves, but it does not follow from how it was "
     "ridden; the floor holds noise that lasts for tenths of a second as well",
 )  # fmt: skip
-HELD: Final = 1e-3
-"""Of its prior, within which a nuisance stays that is to explain nothing."""
 
 
 def diagnose_rides(
@@ -208,11 +200,11 @@ def _on_road(
     chosen = nuisances or list(ride_nuisances(rig, problem))
     steps = {} if ROUNDED in without else coarse_steps_of_rides(loaded, rig)
     found = _explained(located, chosen, steps, without, seed, say)
-    if far := _strained(found, located, chosen):
+    if far := strained(found, located, chosen):
         say(f"once more without what no calibration sets right: {', '.join(far)}")
-        fewer = [_held(n) if n.name.rpartition(".")[0] in far else n for n in chosen]
+        fewer = [held_still(n) if n.name.rpartition(".")[0] in far else n for n in chosen]
         named = _explained(located_with(fewer, problem.wheels), fewer, steps, without, seed, say)
-        if _named(named) > _named(found) and _is_further(named, chosen):
+        if _named(named) > _named(found) and is_further(named, chosen):
             return named
     return found
 
@@ -321,52 +313,6 @@ def _weighed(
 
 def _named(found: Diagnosis) -> set[tuple[str, str]]:
     return {(x.effect, x.location) for x in found.effects}
-
-
-def _strained(found: Diagnosis, located: Located, chosen: Sequence[Nuisance]) -> list[str]:
-    """`location.effect` of each nuisance that, beside what was found, went further than calibrations leave
-    anything."""
-    if found.best is not None and found.calibrated is not None:
-        own = {name for leaf in found.best.leaves for name in leaf.parameters}
-        names = [n.name for n in found.calibrated.nuisances]
-        far = dict(zip(names, np.abs(found.best.z).tolist(), strict=True))
-        far = {name: z for name, z in far.items() if name not in own}
-    else:
-        mean = {n.name: n.mean for n in chosen}
-        far = {f.name: abs(f.change - mean[f.name]) / f.prior_sd for f in located.nuisances}
-    return sorted({name.rpartition(".")[0] for name, z in far.items() if z > STRAIN})
-
-
-def _held(n: Nuisance) -> Nuisance:
-    """A nuisance that stays where calibration left it."""
-    return replace(n, sd=HELD * n.sd)
-
-
-def _is_further(named: Diagnosis, chosen: Sequence[Nuisance]) -> bool:
-    """Whether each effect of `named` that is a nuisance too stands further than calibrations leave it, and
-    whether none that calibrations do leave explains nearly as much as the others."""
-    far = [(x, _distance(named, x, chosen)) for x in named.causes]
-    for x in named.effects:
-        away = _distance(named, x, chosen)
-        if away is not None and away < STRAIN:
-            return False
-        if away is None and any(
-            near is not None and near < FAR and y.gain > x.gain - NEARLY for y, near in far
-        ):
-            return False
-    return True
-
-
-def _distance(named: Diagnosis, x: Cause, chosen: Sequence[Nuisance]) -> float | None:
-    """Prior deviations by which a cause that is a nuisance too stands off; None of any other."""
-    assert named.calibrated is not None
-    by_name, problem = {n.name: n for n in chosen}, named.calibrated.problem
-    away = [
-        abs(p.value - problem.base[problem.table.index(n.name)] - n.mean) / n.sd
-        for k, p in x.parameters.items()
-        if (n := by_name.get(f"{x.location}.{x.effect}.{k}")) is not None
-    ]
-    return max(away, default=None)
 
 
 def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:

@@ -55,7 +55,7 @@ def rolled(rides: Sequence[Ride], rig: BicycleFile, seed: int = 0) -> Wheels:
 
 def _said(f: Fitted, thin: Nuisance, tyres: Nuisance, bent: float) -> float:
     """Nats that one estimate has for thin wheels."""
-    error = bent * abs(f.sd)
+    error = bent * f.sd
     anything = DISTURBED / (2.0 * LIMIT * f.prior_sd)
     one, other = (
         anything + (1.0 - DISTURBED) * _density(f.change, n, error) for n in (thin, tyres)

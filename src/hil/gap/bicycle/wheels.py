@@ -15,7 +15,6 @@ from typing import Final
 class Wheels:
     """One sort of healthy wheels: (mean, standard deviation) of each thing they do."""
 
-    name: str
     turns_by: tuple[float, float]
     """Share of the steer by which they turn a bicycle more than it says."""
     turns_late_s: tuple[float, float]
@@ -29,7 +28,6 @@ class Wheels:
 
 
 TYRES: Final = Wheels(
-    "tyres",
     turns_by=(0.012, 0.01),
     turns_late_s=(0.006, 0.004),
     creeps=(0.003, 0.002),
@@ -43,7 +41,6 @@ sections are 25 to 50 mm wide, and a file's heights may be off as well; under si
 and frame give way [R; 54 healthy rides of four worlds of others, all on tyres that slip, turn by 0 to 3 %
 more and by none less, by 1 to 11 ms later]."""
 THIN: Final = Wheels(
-    "thin wheels",
     turns_by=(0.0, 0.004),
     turns_late_s=(0.0, 0.0015),
     creeps=(0.0, 4e-4),
