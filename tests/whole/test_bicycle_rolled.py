@@ -3,6 +3,7 @@
 import pytest
 
 from hil.bicycle.recorded import prepare
+from hil.exam import Order, load_case, make_exam
 from hil.gap.bicycle import diagnose_rides, locate_rides
 from hil.gap.bicycle.rolled import rolled
 from hil.gap.bicycle.wheels import THIN, TYRES
@@ -39,3 +40,10 @@ def test_a_small_slip_of_thin_wheels_is_named():
     assert any((x.effect, x.location) == slip[:2] for x in found.causes[:2])
     on_tyres = diagnose_rides([ridden(short(), 24, slip, *ROLLS)], NOMINAL)
     assert on_tyres.verdict == "no_gap", on_tyres.sentence
+
+
+def test_rides_of_a_world_that_is_no_twin_tell_thin_wheels(tmp_path):
+    make_exam(Order(rigs=("bicycle",), seed=1651, kinds=("none",)), 2, tmp_path, jobs=1)
+    for folder in sorted((tmp_path / "cases").iterdir()):
+        case = load_case(folder)
+        assert rolled([prepare(run, case.rig) for run in case.runs], case.rig) is THIN

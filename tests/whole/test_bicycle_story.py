@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +18,7 @@ from hil.configfile import find_rig_file, load_bicycle, parse_any_rig
 from hil.errors import ConfigError, IdentificationError
 from hil.gap.apply import applied_text
 from hil.gap.bicycle import diagnose_rides, locate_rides
+from hil.gap.bicycle.locate import NARROW
 from hil.gap.bicycle.next import propose_ride, write_ride_proposal
 from hil.runs import load_run
 from tests.bicycle.rides import run_of
@@ -136,6 +137,19 @@ def test_what_no_ride_tells_apart_is_said():
     left["gap"]["signals"] |= {"imu.gyro_x": {}, "imu.accel_y": {}, "bicycle.lean_torque": {}}
     proposal = propose_ride(left, NOMINAL, manoeuvres=[ROUND_MARKS, manoeuvre("eight")])
     assert "Another sensor is needed" in proposal.sentence
+
+
+def test_on_thin_wheels_less_is_allowed_for_and_a_ride_tells_more():
+    late = ("sensor_latency", "steer", {"delay": 0.006}, 0.5)
+    scale = ("sensor_scale", "steer", {"scale": 0.985}, 0.5)
+    on_tyres = open_diagnosis(late, scale)
+    on_tyres["gap"]["signals"] |= {"imu.gyro_x": {}, "imu.accel_y": {}, "bicycle.lean_torque": {}}
+    on_thin = {**on_tyres, "findings": [asdict(NARROW)]}
+    tyres, thin = (
+        propose_ride(some, NOMINAL, manoeuvres=[ROUND_MARKS]) for some in (on_tyres, on_thin)
+    )
+    assert tyres.split.right < 0.9
+    assert thin.split.right > 0.95
 
 
 def test_one_candidate_leaves_nothing_to_ride_for():

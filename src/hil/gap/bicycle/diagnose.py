@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -53,6 +53,19 @@ WANDERING: Final = Finding(
     "may wander: more stands in the signals than white noise leaves, but it does not follow from how it was "
     "ridden; the floor holds noise that lasts for tenths of a second as well",
 )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """What is asked: of which rides, beside what, and how."""
+
+    rides: Sequence[Run]
+    rig: BicycleFile
+    nuisances: Sequence[Nuisance] | None
+    """As references left them; None where there are none."""
+    without: Collection[str]
+    seed: int
+    say: Callable[[str], None]
 
 
 def diagnose_rides(
@@ -112,14 +125,14 @@ def _diagnosed(
                 known = _as_ridden(healthy, rig, seed)
         wheels = _rides(known).wheels
         nuisances = as_found(known, ride_nuisances(rig, _rides(known)))
+    q = _Question(loaded, rig, nuisances, without, seed, say)
 
     def on(slow: float, wheels: Wheels | None) -> tuple[Diagnosis, tuple[Finding, ...]]:
-        level = _on_road(loaded, rig, nuisances, (), slow, wheels, without, seed, say)
+        level = _on_road(q, (), slow, wheels)
         if not (slopes := _road(level.located, level.best)):
             return level, ()
         say("once more on roads that rise and fall")
-        wheels = _rides(level.located).wheels
-        rolling = _on_road(loaded, rig, nuisances, slopes, slow, wheels, without, seed, say)
+        rolling = _on_road(q, slopes, slow, _rides(level.located).wheels)
         return rolling, (_rolling(slopes),)
 
     say("locating the gap")
@@ -177,55 +190,43 @@ def _rolling(slopes: Sequence[Array]) -> Finding:
 
 
 def _on_road(
-    loaded: Sequence[Run],
-    rig: BicycleFile,
-    nuisances: Sequence[Nuisance] | None,
-    slopes: Sequence[Array],
-    slow: float,
-    wheels: Wheels | None,
-    without: Collection[str],
-    seed: int,
-    say: Callable[[str], None],
+    q: _Question, slopes: Sequence[Array], slow: float, wheels: Wheels | None
 ) -> Diagnosis:
     """The diagnosis on roads of such slopes, level ones where there are none, with so much of the noise slow
     besides, on such wheels, or those that the rides tell."""
 
     def located_with(nuisances: Sequence[Nuisance] | None, wheels: Wheels | None) -> Located:
         return locate_rides(
-            loaded, rig, nuisances=nuisances, seed=seed, slopes=slopes, slow=slow, wheels=wheels
-        )
+            q.rides, q.rig, nuisances=nuisances, seed=q.seed, slopes=slopes, slow=slow,
+            wheels=wheels,
+        )  # fmt: skip
 
-    located = located_with(nuisances, wheels)
+    located = located_with(q.nuisances, wheels)
     problem = _rides(located)
-    chosen = nuisances or list(ride_nuisances(rig, problem))
-    steps = {} if ROUNDED in without else coarse_steps_of_rides(loaded, rig)
-    found = _explained(located, chosen, steps, without, seed, say)
+    chosen = q.nuisances or list(ride_nuisances(q.rig, problem))
+    steps = {} if ROUNDED in q.without else coarse_steps_of_rides(q.rides, q.rig)
+    found = _explained(q, located, chosen, steps)
     if far := strained(found, located, chosen):
-        say(f"once more without what no calibration sets right: {', '.join(far)}")
+        q.say(f"once more without what no calibration sets right: {', '.join(far)}")
         fewer = [held_still(n) if n.name.rpartition(".")[0] in far else n for n in chosen]
-        named = _explained(located_with(fewer, problem.wheels), fewer, steps, without, seed, say)
+        named = _explained(q, located_with(fewer, problem.wheels), fewer, steps)
         if _named(named) > _named(found) and is_further(named, chosen):
             return named
     return found
 
 
 def _explained(
-    located: Located,
-    chosen: Sequence[Nuisance],
-    steps: Mapping[str, float],
-    without: Collection[str],
-    seed: int,
-    say: Callable[[str], None],
+    q: _Question, located: Located, chosen: Sequence[Nuisance], steps: Mapping[str, float]
 ) -> Diagnosis:
     """The diagnosis of what was located with the nuisances `chosen`, beside the `steps` of its signals."""
     e, problem = located.evidence, _rides(located)
     sd = np.array([n.sd for n in chosen])
     floor = e.noise
     if steps:
-        floor = with_steps(floor, problem, e.vector, steps, np.random.default_rng(seed + 3))
+        floor = with_steps(floor, problem, e.vector, steps, np.random.default_rng(q.seed + 3))
 
     def explained_with(noise: NoiseModel) -> tuple[Diagnosis, NoiseModel]:
-        rng = np.random.default_rng(seed + 1)
+        rng = np.random.default_rng(q.seed + 1)
         counted = with_tolerances(noise, problem, e.vector, e.jacobian, sd, rng)
         # A candidate's own pattern tells it from noise long before the whole residual does: all are weighed.
         floors = counted.floor(e.problem)
@@ -238,7 +239,7 @@ def _explained(
             ),
             evidence=replace(e, noise=counted),
         )
-        found = _weighed(asked, floor, chosen, steps, without, seed, say)
+        found = _weighed(q, asked, floor, chosen, steps)
         return found if found.verdict != "no_gap" else unsaid(found), counted
 
     found, counted = explained_with(floor)
@@ -247,29 +248,27 @@ def _explained(
         if not found.effects or not is_large:
             break
         assert found.best is not None
-        say("once more, by what the best candidate leaves")
+        q.say("once more, by what the best candidate leaves")
         left = e.problem.residual(found.best.vector)
         found, counted = explained_with(tempered(floor, e.problem, left, 1.0))
     held = ~split(e.problem, counted, e.residual).train(e.problem)
-    return _on_floor(replace(found, located=located), held, seed)
+    return _on_floor(replace(found, located=located), held, q.seed)
 
 
 def _weighed(
+    q: _Question,
     located: Located,
     measured: NoiseModel,
     chosen: Sequence[Nuisance],
     steps: Mapping[str, float],
-    without: Collection[str],
-    seed: int,
-    say: Callable[[str], None],
 ) -> Diagnosis:
     """As `hil.gap.diagnose.consider` and a verdict, with the sets that rides ask for; `measured`: the floor
     without the tolerances that `located` counts with."""
     e = located.evidence
     parts = split(e.problem, e.noise, e.residual)
-    c, none = begin(e, parts, chosen, {}, seed)
-    say("computing what each candidate would do")
-    bank = candidates_of(c, none, without)
+    c, none = begin(e, parts, chosen, {}, q.seed)
+    q.say("computing what each candidate would do")
+    bank = candidates_of(c, none, q.without)
     search = Search(c, bank)
     held = ~parts.train(e.problem)
     is_large = stands(located, c, none)
@@ -278,7 +277,9 @@ def _weighed(
 
     def answered(some: Sequence[Fit]) -> Diagnosis:
         every = [none, *some]
-        told = by_energy(answer(located, c, every, bank, held, parts.text, seed, is_gap), measured)
+        told = by_energy(
+            answer(located, c, every, bank, held, parts.text, q.seed, is_gap), measured
+        )
         if is_usual(told):
             sentence = "No gap but what any healthy bicycle and its sensors have."
             usual = replace(no_gap(located, parts.text), sentence=sentence)
@@ -288,16 +289,16 @@ def _weighed(
         return replace(no_gap(located, parts.text), not_excited=told.not_excited)
 
     def grown(known: Sequence[Fit], is_missing: bool) -> list[Fit]:
-        return fit_sets(c, none, known, search, bank.leaves, say, is_missing)
+        return fit_sets(c, none, known, search, bank.leaves, q.say, is_missing)
 
     def stepped(some: list[Fit]) -> list[Fit]:
         return rounded(c, some, steps) if steps else some
 
-    sets = grown(fit_alone(c, search, bank.leaves, say), is_missing=False)
+    sets = grown(fit_alone(c, search, bank.leaves, q.say), is_missing=False)
     fits = stepped(sets)
     found = answered(fits[1:])
     if found.causes:
-        say("looking for what acts beside it")
+        q.say("looking for what acts beside it")
         fits = stepped(grown(sets[1:], is_missing=True))
         further = answered(fits[1:])
         found = further if len(further.effects) > len(found.effects) else found

@@ -24,9 +24,11 @@ from hil.bicycle.simulated import save
 from hil.blas import one_blas_thread
 from hil.config import BicycleFile
 from hil.errors import IdentificationError, KinematicsError, RunError
+from hil.gap.bicycle.locate import NARROW
 from hil.gap.bicycle.noise import ride_noise, tempered, with_tolerances
 from hil.gap.bicycle.nuisances import ride_nuisances
 from hil.gap.bicycle.problem import RideProblem
+from hil.gap.bicycle.wheels import THIN, TYRES, Wheels
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.floor.noise import NoiseModel
 from hil.gap.next.candidates import Candidate, read_candidates, vector_of
@@ -105,11 +107,12 @@ def propose_ride(
     say = report or (lambda _: None)
     candidates, shared = read_candidates(tables, rig)
     signals = tuple(tables["gap"]["signals"])
+    wheels = _wheels(tables)
     found: list[tuple[float, Manoeuvre, float, Split]] = []
     for m in manoeuvres:
         say(f"{m.name}: {m.instruction}")
         try:
-            problem = _ridden(m, rig, signals, seed)
+            problem = _ridden(m, rig, wheels, signals, seed)
         except KinematicsError:  # this bicycle falls
             continue
         vectors = [vector_of(c, shared, problem.base, problem.table) for c in candidates]
@@ -128,13 +131,21 @@ def propose_ride(
     return RideProposal(best, duration_s, split, usual, tuple(candidates), len(found), rig)
 
 
-def _ridden(m: Manoeuvre, rig: BicycleFile, signals: Sequence[str], seed: int) -> RideProblem:
+def _wheels(tables: Mapping[str, Any]) -> Wheels:
+    """The sort of wheels that a diagnosis found its rides were ridden on."""
+    is_thin = any(f["subject"] == NARROW.subject for f in tables.get("findings", ()))
+    return THIN if is_thin else TYRES
+
+
+def _ridden(
+    m: Manoeuvre, rig: BicycleFile, wheels: Wheels, signals: Sequence[str], seed: int
+) -> RideProblem:
     ride = m.ride(rig, seed)
     kept = [c for c in ride.table.columns if not str(c).startswith("imu.") or c in signals]
     table = check_table(ride.table[kept], m.name, rig)
     run = Run(Path(m.name), RunMeta(rig=rig.name, mode="ride"), None, table, pd.DataFrame({"t": []}),
               (), None, rig)  # fmt: skip
-    return RideProblem(rig, [prepare(run, rig)])
+    return RideProblem(rig, [prepare(run, rig)], wheels=wheels)
 
 
 def _noise(
