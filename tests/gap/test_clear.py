@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import hil.gap.judged.clear as module
@@ -16,7 +17,10 @@ from hil.gap.judged.diagnosis import ParameterValue
 def weighed(nats: float, *names: str, prior: float = 0.0) -> Weighed:
     """A fit of effects by name, with what it moves told by `traces`."""
     leaves = tuple(SimpleNamespace(effect=n, location="axis", name=f"axis.{n}") for n in names)
-    return Weighed(SimpleNamespace(leaves=leaves, prior_cost=prior), nats, 0.5)
+    f = SimpleNamespace(
+        leaves=leaves, prior_cost=prior, names=(), values=np.zeros(0), z=np.zeros(0)
+    )
+    return Weighed(f, nats, 0.5)
 
 
 @pytest.fixture
@@ -27,8 +31,8 @@ def found(monkeypatch):
         monkeypatch.setattr(module, "traces", lambda c, none, f: {"axis.force": trace})
         monkeypatch.setattr(module, "explained", lambda *a, **k: share)
         monkeypatch.setattr(module, "goes_further", lambda *a, **k: further)
-        c = SimpleNamespace(problem=SimpleNamespace(discount=20.0))
-        none = SimpleNamespace(leaves=(), prior_cost=0.0)
+        c = SimpleNamespace(problem=SimpleNamespace(discount=20.0), nuisances=())
+        none = SimpleNamespace(leaves=(), prior_cost=0.0, z=np.zeros(0))
         before, shrink = seen
         part = SimpleNamespace(before=before, floor=1.0, shrink=shrink)
         kept = clear(c, none, some, 0.0, is_large, lambda f: part)

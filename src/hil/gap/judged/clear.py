@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -15,6 +16,7 @@ from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.heldout import Score, touched, traces
 from hil.gap.fits.shares import explained
+from hil.gap.judged.further import is_further
 from hil.gap.record.leaf import Leaf
 from hil.gap.search.joint import goes_further
 
@@ -52,11 +54,13 @@ class Asked:
     saved: float
     """Nats of the nuisances' priors that an effect saves and no healthy rig spends: it was hidden in
     nuisances, which went to their bounds."""
+    further: float
+    """Nats of an effect that is a nuisance too and stands further than that may (`is_further`)."""
 
 
 COUNTED: Final = Asked(
     nats=10.0, trace=0.3, always=1.0, decisive=20.0, faint=0.15, certain=90.0, nearly=32.0,
-    always_faint=0.6, saved=15.0,
+    always_faint=0.6, saved=15.0, further=5.0,
 )  # fmt: skip
 """Of rigs, many samples of which count as one [set on cases of the used-up exams of seeds 81 and 111, of
 tuning seeds and of a second world: a healthy rig has up to 13 nats with 0.2 floors; of what ALWAYS acts up to
@@ -64,7 +68,7 @@ tuning seeds and of a second world: a healthy rig has up to 13 nats with 0.2 flo
 certain is set on 40 healthy records of three worlds, which have up to 25 where all is explained]."""
 IN_FULL: Final = Asked(
     nats=11.0, trace=0.75, always=1.2, decisive=40.0, faint=0.4, certain=120.0, nearly=120.0,
-    always_faint=0.8, saved=10.0,
+    always_faint=0.8, saved=10.0, further=math.inf,
 )  # fmt: skip
 """Of rides, of which each sample counts [set on training cases; of what does not ALWAYS act 38 healthy rides
 of two worlds of others have up to 18 nats, and spend up to 8 on priors that an effect saves]."""
@@ -105,6 +109,8 @@ def clear(
         gain, trace = w.log_evidence - log, _trace(c, f, w.fit)
         saved = f.prior_cost - w.fit.prior_cost
         share = partial(explained, c, f, w.fit)
+        if leaves and gain > asked(c).further and is_further(c, f, w.fit, leaves):
+            return True
         return not leaves or _isclear(asked(c), gain, trace, saved, leaves, share)
 
     @cache

@@ -21,6 +21,7 @@ from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import RARE, explained, largest_ratio, usually_explained
 from hil.gap.judged.clear import EXPLAINED, asked, other_than_facts
 from hil.gap.judged.constancy import Variation, variation
+from hil.gap.judged.further import is_further
 from hil.gap.judged.looped import is_spring
 from hil.gap.record.leaf import Leaf
 
@@ -99,6 +100,9 @@ def _strikes(c: Calibrated, f: Fit, gain: float) -> bool:
 
 def is_hidden(c: Calibrated, none: Fit, f: Fit) -> bool:
     """Whether what a fit explains was hidden in nuisances, which went further than healthy rigs have them."""
+    others = other_than_facts(f)
+    if math.isfinite(asked(c).further) and others and is_further(c, none, f, others):
+        return True
     return none.prior_cost - f.prior_cost > asked(c).saved
 
 
