@@ -8,7 +8,7 @@ from hil.configfile import load_rig
 from hil.gap.catalogue.bank import fill_bank
 from hil.gap.catalogue.leaves import find_leaves
 from hil.gap.floor.differences import RARE, times_louder
-from hil.gap.floor.draws import sensor_sigma
+from hil.gap.floor.draws import FOLLOWED, followed, sensor_sigma
 from hil.gap.floor.loudness import BY_SENSORS, HEALTHY, LOUDEST, Level, level_of
 from hil.gap.floor.noise import find_noise
 from hil.gap.located.locate import locate
@@ -139,6 +139,18 @@ def test_what_differs_wildly_between_repeats_is_no_noise():
     found = locate(frame, AXIS)
     assert "half the difference of their residuals" in found.floor_text
     assert found.is_gap
+
+
+def test_no_twin_follows_a_position_to_less_than_two_micrometres(noisy):
+    """Slowly, so that fast encoders tell what is fast as well as they can."""
+    problem, _ = noisy
+    drawn = followed(problem, np.random.default_rng(2), 6)
+    for x in problem.series:
+        size = float(np.sqrt(np.mean(drawn[:, x.part] ** 2)))
+        assert size == pytest.approx(FOLLOWED if x.quantity == "position" else 0.0, rel=0.3)
+        if x.quantity == "position":
+            steps = float(np.sqrt(np.mean(np.diff(drawn[:, x.part], axis=1) ** 2)))
+            assert steps < size
 
 
 def test_what_references_stand_above_the_floor_is_part_of_it():

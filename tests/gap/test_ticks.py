@@ -63,6 +63,31 @@ def test_how_late_a_drives_own_clock_was_started_is_read_from_the_record(frames)
 FAST = load_rig("axis_canopen")
 
 
+@pytest.mark.parametrize(
+    ("late_s", "told_s"),
+    [((0.0, 9e-5), (0.0, 9e-5)), ((6e-5, 0.0), (6e-5, 0.0)), ((9e-5, 9e-5), (0.0, 0.0))],
+    ids=["second", "first", "both"],
+)
+def test_starts_that_lie_apart_from_run_to_run_are_told_by_positions(late_s, told_s):
+    """What both lag by is a delay of the drive, and no start of its clock."""
+    rig = FAST.model_copy(update={"bus": FAST.bus.model_copy(update={"retimed": True})})
+    sent = np.arange(0.0, 6.0, rig.bus.cycle)
+    rng = np.random.default_rng(4)
+    pieces = []
+    for k, by_s in enumerate(late_s):
+        told = 0.05 * np.sin(2.0 * np.pi * (0.5 + 0.3 * k) * sent) * np.clip(sent, 0.0, 1.0)
+        stamps = dict.fromkeys(("axis.position", "axis.force"), sent + rig.bus.answer_delay)
+        answers = Twin(rig, smooth=True).replay({"axis": (sent + by_s, told)}, stamps)
+        noise = {"axis.position": rig.noise.position, "axis.force": rig.noise.force}
+        samples = {
+            s: (t, answers[s] + noise[s] * rng.standard_normal(len(t))) for s, t in stamps.items()
+        }
+        pieces.append(Stretch(f"run{k}", {"axis": (sent, told)}, samples))
+    clocks = find_clocks(Problem(rig, pieces))
+    found = [clocks[k, "axis"].late_s for k in range(2)]
+    np.testing.assert_allclose(found, told_s, atol=1e-5)
+
+
 def at_sync_record(ticks=None, seed=3, late=()):
     """A fast axis whose frames are sent with jitter and act at SYNC, at `ticks` of its drive's own clock; the
     frames numbered `late` act a tick after that."""

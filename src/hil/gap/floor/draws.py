@@ -32,6 +32,10 @@ UNKNOWN: Final = 0.5
 """Of the noise of a force sensor, which in mode "position" hides what friction and masses are off by: where
 forces are set nothing hides it, and a soft spring shows a newton [R]."""
 UNKNOWN_HZ: Final = 3.0
+FOLLOWED: Final = 2e-6
+"""m or rad, slower than UNKNOWN_HZ: how near a twin comes to where a drive really is. Encoders tell a tenth
+of a micrometre; friction's first micrometres, a screw's pitch and a drive's sums are not known so well [R;
+healthy rigs of two worlds of others are up to 2.4 micrometres off]."""
 BUSY: Final = 0.4
 """Chance that one is [R]."""
 
@@ -89,9 +93,25 @@ def draws(
 
 def _unknown_force(rig: RigFile, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     """A slow force, one for each setpoint, that no twin knows."""
-    keep = np.exp(-2.0 * np.pi * UNKNOWN_HZ * rig.bus.cycle)
+    return UNKNOWN * rig.noise.force * _slow(shape, rig.bus.cycle, rng)
+
+
+def followed(problem: Problem, rng: np.random.Generator, count: int) -> Array:
+    """(count, N): what of a position no twin follows, where drives are told positions."""
+    out = np.zeros((count, problem.size))
+    for x in problem.series:
+        t = problem.t_s[x.part]
+        if x.quantity == "position" and problem.pieces[x.stretch].mode == "position" and len(t) > 1:
+            step_s = float(np.median(np.diff(t)))
+            out[:, x.part] = FOLLOWED * _slow((count, len(t)), step_s, rng)
+    return out
+
+
+def _slow(shape: tuple[int, ...], step_s: float, rng: np.random.Generator) -> Array:
+    """Noise slower than UNKNOWN_HZ, sampled each `step_s` along the last axis, of spread 1."""
+    keep = np.exp(-2.0 * np.pi * UNKNOWN_HZ * step_s)
     push = np.sqrt(1.0 - keep**2) * rng.standard_normal(shape)
-    return UNKNOWN * rig.noise.force * np.asarray(lfilter([1.0], [1.0, -keep], push))
+    return np.asarray(lfilter([1.0], [1.0, -keep], push))
 
 
 def _anywhere(rig: RigFile, rng: np.random.Generator) -> Ticks | None:

@@ -22,7 +22,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import lfilter
 
 from hil.gap.floor.differences import SPIKE, USUAL, by_repeats
-from hil.gap.floor.draws import UNKNOWN, draws, longest_wait_s, sensor_sigma
+from hil.gap.floor.draws import UNKNOWN, draws, followed, longest_wait_s, sensor_sigma
 from hil.gap.floor.loudness import Level, as_loud
 from hil.gap.record.problem import Problem
 from hil.gap.record.repeats import Repeats
@@ -213,7 +213,7 @@ def find_noise(
     record's own exceed by little, for impacts and the like are fast as well.
     """
     late, sensed = draws(problem, vector, rng, count)
-    drawn = late + sensed
+    drawn, near = late + sensed, followed(problem, rng.spawn(1)[0], count)
     timing = time_sensitivity(problem, vector)
     text = (
         "noise model: the rig file's sensor noise and rounding, answers' jitter, setpoints that act "
@@ -233,7 +233,7 @@ def find_noise(
             f", each signal's level times {low:.2g} to {high:.2g} by the fastest part of its residual, "
             "and no louder than all of that"
         )
-    model = replace(from_draws(problem, drawn, "model", text, timing), levels=levels)
+    model = replace(from_draws(problem, drawn + near, "model", text, timing), levels=levels)
     if not repeats or residual is None:
         return model
     by_level = {s: level.factor for s, level in levels.items()}
@@ -246,7 +246,7 @@ def find_noise(
         f"{what}: half the difference of their residuals is noise, {low:.2g} to {high:.2g} times the noise "
         "model, whose shape in time is kept"
     )
-    return replace(from_draws(problem, scaled, "repeats", text, timing), levels=levels)
+    return replace(from_draws(problem, scaled + near, "repeats", text, timing), levels=levels)
 
 
 def _acting(problem: Problem) -> str:

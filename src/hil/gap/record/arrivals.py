@@ -8,7 +8,8 @@ place is looked for in windows along the record, as a straight line in time for 
 does it (drives without ticks, stamps of another clock) setpoints act half a tick after their arrival, as
 they do on average, and the kicks count as noise.
 
-Drives on a bus with SYNC: `hil.gap.record.synced`.
+Drives on a bus with SYNC: `hil.gap.record.synced`; drives that play setpoints by a clock that the first frame
+starts: `hil.gap.record.started`.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.bus.load import RECKONED_BITS
 from hil.gap.record.fineness import CLEARER, fine_structure, fineness
 from hil.gap.record.problem import Problem
+from hil.gap.record.started import started
 from hil.gap.record.synced import at_sync
 from hil.gap.record.ticks import Clocks, Ticks
 from hil.identify.jumps import fewest_jumps
@@ -58,7 +59,7 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
     """
     bus, beside = problem.rig.bus, problem.base if vector is None else vector
     if bus.retimed:
-        return _started(problem, beside)
+        return started(problem, beside)
     if bus.schedule == "fast":
         return at_sync(problem, beside)
     if bus.position_loop <= bus.speed_loop or bus.interpolation == "hold":
@@ -81,30 +82,6 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
             if best is not None:
                 found[k, a] = best
     return _refined(problem, found, vector)
-
-
-def _started(problem: Problem, vector: Array) -> dict[tuple[int, str], Ticks]:
-    """How late each drive's own clock was started: by the wait of the first frame, for those of all drives at
-    most and one. Which setpoint is played when jumps with it, so no slope leads there: all are tried."""
-    rig = problem.rig
-    names = rig.actuator_names
-    frame_s = RECKONED_BITS / rig.can.bitrate
-    tried = np.arange(0.0, (len(names) + 1) * frame_s + 1e-9, frame_s)
-    keys = [(k, a) for k, p in enumerate(problem.pieces) if p.mode == "position" for a in names]
-    sizes = {key: np.full(len(tried), np.inf) for key in keys}
-    for d, late_s in enumerate(tried):
-        clocks = {key: Ticks(0.0, 0.0, 0.0, float(late_s)) for key in keys}
-        left = problem.with_clocks(clocks).residual(vector)
-        for x in problem.series:
-            if x.quantity == "force" and (x.stretch, x.actuator) in sizes:
-                kept = problem.kept[x.part]
-                size = float(np.median(np.abs(left[x.part][kept]))) if kept.any() else np.inf
-                sizes[x.stretch, x.actuator][d] = size
-    return {
-        key: Ticks(0.0, 0.0, 0.0, float(tried[np.argmin(size)]))
-        for key, size in sizes.items()
-        if np.isfinite(size).all()
-    }
 
 
 def _delayed(problem: Problem) -> Array:
