@@ -29,7 +29,7 @@ def test_setpoints_that_are_rounded_to_a_millimetre_are_no_error_of_the_lead() -
 
 
 def test_a_spring_beside_the_drive_is_no_ripple() -> None:
-    frame = record()
+    frame = record(duration_s=10.0)
     told = frame[["t", "axis.setpoint"]].dropna()
     place = np.interp(frame["t"], told["t"], told["axis.setpoint"])
     frame["axis.force"] += 1500.0 * place
@@ -41,7 +41,7 @@ def test_a_spring_beside_the_drive_is_no_ripple() -> None:
 def test_a_hexapod_that_sags_when_armed_and_whose_bus_is_busy_is_no_gap(
     tmp_path: Path, name: str
 ) -> None:
-    run, rig = ridden(tmp_path, name, "drive")
+    run, rig = ridden(tmp_path, name, "drive", seconds=8.0)
     found = diagnose(run, rig)
     assert found.verdict == "no_gap", found.sentence
 
