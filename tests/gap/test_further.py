@@ -9,6 +9,7 @@ import pytest
 
 from hil.gap import diagnose
 from hil.gap.catalogue.nuisances import Nuisance
+from hil.gap.judged import doubt
 from hil.gap.judged.further import is_further
 from tests.gap.twin_runs import AXIS, effect, record
 
@@ -39,6 +40,21 @@ def test_a_nuisance_at_its_bound_hides_what_stands_further():
 def test_it_is_how_far_it_stands_from_where_references_left_it():
     assert asked(RUBS, 10.0, z=3.0, mean=4.0)
     assert not asked(RUBS, 9.0, z=3.0, mean=4.0)
+
+
+@pytest.mark.parametrize(("ratio", "is_so"), [(1.2, True), (1.8, False)])
+def test_of_a_gap_that_shows_no_nuisance_counts_as_explained(monkeypatch, ratio, is_so):
+    """The friction nearest to what the catalogue does not know is at its bound as well."""
+    table = SimpleNamespace(index=lambda name: 0)
+    c = SimpleNamespace(
+        nuisances=(Nuisance(RUBS, 1.2, "N"),),
+        problem=SimpleNamespace(table=table, base=np.zeros(1), discount=20.0),
+    )
+    leaf = SimpleNamespace(effect="coulomb_friction", parameters=(RUBS,))
+    none = SimpleNamespace(z=np.array([3.0]), prior_cost=4.5)
+    f = SimpleNamespace(leaves=(leaf,), names=(RUBS,), values=np.array([9.0]), prior_cost=0.0)
+    monkeypatch.setattr(doubt, "largest_ratio", lambda c, f: ratio)
+    assert doubt.is_hidden(c, none, f) is is_so
 
 
 @pytest.mark.parametrize("seed", [1, 2])

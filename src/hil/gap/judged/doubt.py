@@ -23,6 +23,7 @@ from hil.gap.judged.clear import EXPLAINED, asked, other_than_facts
 from hil.gap.judged.constancy import Variation, variation
 from hil.gap.judged.further import is_further
 from hil.gap.judged.looped import is_spring
+from hil.gap.located.result import RATIO
 from hil.gap.record.leaf import Leaf
 
 SOFT: Final = 0.06
@@ -99,11 +100,16 @@ def _strikes(c: Calibrated, f: Fit, gain: float) -> bool:
 
 
 def is_hidden(c: Calibrated, none: Fit, f: Fit) -> bool:
-    """Whether what a fit explains was hidden in nuisances, which went further than healthy rigs have them."""
-    others = other_than_facts(f)
-    if math.isfinite(asked(c).further) and others and is_further(c, none, f, others):
+    """Whether what a fit explains was hidden in nuisances, which went further than healthy rigs have them.
+
+    Of a nuisance that is the effect itself only where nothing else shows: of a gap that shows, explained is
+    what goes.
+    """
+    if none.prior_cost - f.prior_cost > asked(c).saved:
         return True
-    return none.prior_cost - f.prior_cost > asked(c).saved
+    others = other_than_facts(f)
+    is_asked = math.isfinite(asked(c).further) and largest_ratio(c, none) < RATIO and others
+    return bool(is_asked) and is_further(c, none, f, others)
 
 
 def doubt(
