@@ -81,6 +81,17 @@ def test_a_set_must_go_further_than_one_effect_that_is_none_of_its_own(found):
     assert ("lead_error", "force_constant") not in alone
 
 
+def test_a_nuisance_that_stands_further_needs_little_evidence_unless_it_always_acts(
+    found, monkeypatch
+):
+    """Six legs on a busy bus: a healthy one's delay had 7 nats and stood 1.4 ms off."""
+    monkeypatch.setattr(module, "is_further", lambda *a: True)
+    assert found([weighed(6.0, "coulomb_friction")], 0.1) == [("coulomb_friction",)]
+    assert found([weighed(4.0, "coulomb_friction")], 0.1) == []
+    assert found([weighed(7.1, "transport_delay")], 0.1) == []
+    assert found([weighed(33.0, "transport_delay")], 0.1) == [("transport_delay",)]
+
+
 def test_what_answers_as_a_finding_does_is_one_as_well(found, monkeypatch):
     some = [weighed(52.0, "sensor_bias"), weighed(51.0, "sensor_scale")]
     monkeypatch.setattr(module, "distance", lambda c, a, b: 1.0)

@@ -15,14 +15,12 @@ from hil.runs import Run, load_run
 SECONDS = 15.0
 
 
-def ridden(
-    folder: Path, name: str, mode: str, *hidden: Effect, seconds: float = SECONDS
-) -> tuple[Run, RigFile]:
+def ridden(folder: Path, name: str, mode: str, *hidden: Effect) -> tuple[Run, RigFile]:
     """A ride of the shipped rig `name` in a control mode, recorded in `folder`."""
     tables = load_rig(name).model_dump()
     tables["control"]["mode"] = mode
     rig = parse_settings(tables, RigFile, name)
-    ride = cues(DemoRide(rig).poses, 0.0, seconds, "ride")
+    ride = cues(DemoRide(rig).poses, 0.0, SECONDS, "ride")
     text = rig_toml(rig, name)
     made = record_ride(rig, text, load_profiles(rig), ride, folder, hidden=hidden)
     return load_run(made), rig

@@ -41,7 +41,7 @@ def test_a_spring_beside_the_drive_is_no_ripple() -> None:
 def test_a_hexapod_that_sags_when_armed_and_whose_bus_is_busy_is_no_gap(
     tmp_path: Path, name: str
 ) -> None:
-    run, rig = ridden(tmp_path, name, "drive", seconds=8.0)
+    run, rig = ridden(tmp_path, name, "drive")
     found = diagnose(run, rig)
     assert found.verdict == "no_gap", found.sentence
 

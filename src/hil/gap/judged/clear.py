@@ -55,7 +55,8 @@ class Asked:
     """Nats of the nuisances' priors that an effect saves and no healthy rig spends: it was hidden in
     nuisances, which went to their bounds."""
     further: float
-    """Nats of an effect that is a nuisance too and stands further than that may (`is_further`)."""
+    """Nats of an effect that is a nuisance too and stands further than that may (`is_further`); of one that
+    ALWAYS acts as many as make it nearly certain: delays of a busy bus are further off than most."""
 
 
 COUNTED: Final = Asked(
@@ -109,7 +110,7 @@ def clear(
         gain, trace = w.log_evidence - log, _trace(c, f, w.fit)
         saved = f.prior_cost - w.fit.prior_cost
         share = partial(explained, c, f, w.fit)
-        if leaves and gain > asked(c).further and is_further(c, f, w.fit, leaves):
+        if leaves and gain > _further(asked(c), leaves) and is_further(c, f, w.fit, leaves):
             return True
         return not leaves or _isclear(asked(c), gain, trace, saved, leaves, share)
 
@@ -172,6 +173,12 @@ def signals(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
     steps = {leaf.location for leaf in f.leaves if leaf.effect == ROUNDED}
     moved = steps.union(touched(c, none, f))
     return tuple(s for s in c.problem.signals if s in moved) or c.problem.signals
+
+
+def _further(a: Asked, leaves: Sequence[Leaf]) -> float:
+    """Nats that are asked of nuisances that stand further than they may."""
+    acts_always = any(leaf.effect in ALWAYS for leaf in leaves)
+    return max(a.further, a.nearly) if acts_always else a.further
 
 
 def _isclear(
