@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.judged.diagnosis import Cause, Diagnosis
+from hil.gap.judged.further import deviations
 from hil.gap.located.result import Located
 
 STRAIN: Final = 2.6
@@ -62,7 +63,7 @@ def _distance(named: Diagnosis, x: Cause, chosen: Sequence[Nuisance]) -> float |
     assert named.calibrated is not None
     by_name, problem = {n.name: n for n in chosen}, named.calibrated.problem
     away = [
-        abs(p.value - problem.base[problem.table.index(n.name)] - n.mean) / n.sd
+        abs(deviations(problem, n, p.value))
         for k, p in x.parameters.items()
         if (n := by_name.get(f"{x.location}.{x.effect}.{k}")) is not None
     ]

@@ -110,7 +110,7 @@ def clear(
         gain, trace = w.log_evidence - log, _trace(c, f, w.fit)
         saved = f.prior_cost - w.fit.prior_cost
         share = partial(explained, c, f, w.fit)
-        if leaves and gain > _further(asked(c), leaves) and is_further(c, f, w.fit, leaves):
+        if leaves and gain > _asked_further(asked(c), leaves) and is_further(c, f, w.fit, leaves):
             return True
         return not leaves or _isclear(asked(c), gain, trace, saved, leaves, share)
 
@@ -175,7 +175,7 @@ def signals(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
     return tuple(s for s in c.problem.signals if s in moved) or c.problem.signals
 
 
-def _further(a: Asked, leaves: Sequence[Leaf]) -> float:
+def _asked_further(a: Asked, leaves: Sequence[Leaf]) -> float:
     """Nats that are asked of nuisances that stand further than they may."""
     acts_always = any(leaf.effect in ALWAYS for leaf in leaves)
     return max(a.further, a.nearly) if acts_always else a.further

@@ -9,13 +9,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.record.leaf import Leaf
+from hil.gap.record.problem import Problem
 
 STRAINED: Final = 2.7
 """Prior deviations from which on a nuisance stands near its bound."""
 FURTHER: Final = 4.5
 """Prior deviations from which on no calibration leaves it."""
+
+
+def deviations(problem: Problem, n: Nuisance, value: float) -> float:
+    """Prior deviations by which a nuisance stands off at `value`, from where calibrations leave it."""
+    return float((value - problem.base[problem.table.index(n.name)] - n.mean) / n.sd)
 
 
 def is_further(c: Calibrated, without: Fit, f: Fit, leaves: Sequence[Leaf]) -> bool:
@@ -27,7 +34,7 @@ def is_further(c: Calibrated, without: Fit, f: Fit, leaves: Sequence[Leaf]) -> b
         for n, z in zip(c.nuisances, without.z.tolist(), strict=True):
             if n.name not in leaf.parameters or n.name not in values or abs(z) < STRAINED:
                 continue
-            away = (values[n.name] - c.problem.base[c.problem.table.index(n.name)] - n.mean) / n.sd
+            away = deviations(c.problem, n, values[n.name])
             if abs(away) > FURTHER and away * z > 0.0:
                 return True
         return False
