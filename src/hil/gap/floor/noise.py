@@ -22,7 +22,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import lfilter
 
 from hil.gap.floor.differences import SPIKE, USUAL, by_repeats
-from hil.gap.floor.draws import UNKNOWN, draws, followed, longest_wait_s, sensor_sigma
+from hil.gap.floor.draws import FOLLOWED, UNKNOWN, draws, followed, longest_wait_s, sensor_sigma
 from hil.gap.floor.loudness import Level, as_loud
 from hil.gap.record.problem import Problem
 from hil.gap.record.repeats import Repeats
@@ -223,6 +223,10 @@ def find_noise(
         text += (
             f", that is led by the measured positions, as the twin is, and feels a slow force of "
             f"{UNKNOWN * problem.rig.noise.force:g} N (or N·m) that no twin knows"
+        )
+    if near.any():
+        text += (
+            f", with a slow {1e6 * FOLLOWED:g} µm (or µrad) of each position that no twin follows"
         )
     levels: dict[str, Level] = {}
     if residual is not None:
