@@ -9,8 +9,8 @@ import pytest
 
 from hil.gap import diagnose
 from hil.gap.catalogue.nuisances import Nuisance
+from hil.gap.fits.further import is_further
 from hil.gap.judged import doubt
-from hil.gap.judged.further import is_further
 from tests.gap.twin_runs import AXIS, effect, record
 
 RUBS = "axis.coulomb_friction.force"

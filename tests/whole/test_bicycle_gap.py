@@ -17,7 +17,7 @@ from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
 from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.nuisances import ride_nuisances
-from hil.gap.bicycle.strained import held_still, is_further
+from hil.gap.bicycle.strained import exceeds_calibration, held_still
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.bicycle.verdict import leaves_as_much
 from hil.gap.bicycle.wheels import TYRES
@@ -431,8 +431,8 @@ def test_a_nuisance_that_went_no_further_than_calibrations_leave_it_is_no_effect
         return SimpleNamespace(effects=(wheel,), causes=(wheel,), calibrated=found)
 
     priors = [Nuisance("rear_wheel.wheel_radius.scale", 0.002, "1")]
-    assert not is_further(named(1.004), priors)
-    assert is_further(named(1.012), priors)
+    assert not exceeds_calibration(named(1.004), priors)
+    assert exceeds_calibration(named(1.012), priors)
 
 
 @pytest.mark.parametrize(
@@ -450,7 +450,7 @@ def test_what_a_nuisance_explains_nearly_as_well_is_no_effect(turned, less, is_e
     named = SimpleNamespace(
         effects=(wheel,), causes=(wheel, mounted), calibrated=SimpleNamespace(problem=problem)
     )
-    assert is_further(named, [Nuisance("imu.sensor_misalignment.y", 0.003, "rad")]) is is_effect
+    assert exceeds_calibration(named, [Nuisance("imu.sensor_misalignment.y", 0.003, "rad")]) is is_effect
 
 
 def test_a_nuisance_that_is_to_explain_nothing_stays_where_a_reference_left_it(healthy):

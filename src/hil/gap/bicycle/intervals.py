@@ -63,12 +63,11 @@ def _unseen(cause: Cause, c: Calibrated, name: str) -> tuple[float, float]:
     here = float(cause.fit.vector[i])
     rows = np.tile(cause.fit.vector, (len(FACTORS), 1))
     rows[:, i] = here * np.array(FACTORS)
-    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
     base = c.problem.measured - cause.fit.residual
     alike = []
     for answer in c.problem.answers(rows):
         off = c.noise.weighted_rms(c.problem, answer - base)
-        alike.append(max(off[s] / v for s, v in floors.items() if v > 0.0) < ALIKE)
+        alike.append(max(off[s] / v for s, v in c.floors.items() if v > 0.0) < ALIKE)
     return here * furthest(FACTORS[::-1], alike[::-1], -1.0), here * furthest(FACTORS, alike, 1.0)
 
 

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from hil.gap.catalogue.nuisances import Nuisance
+from hil.gap.fits.further import deviations
 from hil.gap.judged.diagnosis import Cause, Diagnosis
-from hil.gap.judged.further import deviations
 from hil.gap.located.result import Located
 
 STRAIN: Final = 2.6
@@ -43,7 +43,7 @@ def held_still(n: Nuisance) -> Nuisance:
     return replace(n, sd=HELD * n.sd)
 
 
-def is_further(named: Diagnosis, chosen: Sequence[Nuisance]) -> bool:
+def exceeds_calibration(named: Diagnosis, chosen: Sequence[Nuisance]) -> bool:
     """Whether each effect of `named` that is a nuisance too stands further than calibrations leave it, and
     whether none that calibrations do leave explains nearly as much as the others."""
     far = [(x, _distance(named, x, chosen)) for x in named.causes]

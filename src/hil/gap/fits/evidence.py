@@ -293,9 +293,8 @@ def _felt(c: Calibrated, f: Fit, loose: float) -> Array:
 
 def distance(c: Calibrated, a: Fit, b: Fit) -> float:
     """Largest root mean square difference of two fits' answers on any signal, in its floor."""
-    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
     between = c.noise.weighted_rms(c.problem, a.residual - b.residual)
-    return max(between[s] / floors[s] for s in between if floors[s] > 0.0)
+    return max(between[s] / v for s, v in c.floors.items() if v > 0.0)
 
 
 def classes(c: Calibrated, fits: Sequence[Fit], alike: float = ALIKE) -> list[int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -21,7 +22,7 @@ FREEDOM: Final = 4.0
 """Of Student's distribution: residuals have the tails of frames that just missed a tick."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Calibrated:
     """The twin as calibration left it, whitened once for all fits; K nuisances."""
 
@@ -38,6 +39,22 @@ class Calibrated:
     """(K,) where the nuisances stand, in prior standard deviations."""
     train: Mask
     """(N,) samples that are judged."""
+
+    @cached_property
+    def floors(self) -> dict[str, float]:
+        """By signal, the weighted root mean square of what no gap leaves."""
+        return self.noise.weighted_rms(self.problem, self.noise.draws)
+
+    @cached_property
+    def usual_floors(self) -> dict[str, float]:
+        """By signal, the same of the usual samples."""
+        return self.noise.usual(self.problem, self.noise.draws)
+
+    @cached_property
+    def drawn(self) -> Array:
+        """(D,) robust loss of each draw of what no gap leaves."""
+        white = (self.noise.whiten(self.problem, row)[self.train] for row in self.noise.draws)
+        return np.array([np.sum(loss(w)) for w in white])
 
 
 @dataclass(frozen=True, slots=True)

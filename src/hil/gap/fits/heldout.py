@@ -103,11 +103,8 @@ def _seen_share(problem: Problem, energy: Array, seen: Mask) -> float:
 
 def traces(c: Calibrated, none: Fit, f: Fit) -> dict[str, float]:
     """By signal, by how many floors (root mean square) a fit changes it."""
-    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
     change = c.noise.weighted_rms(c.problem, none.residual - f.residual)
-    return {
-        signal: size / floors[signal] for signal, size in change.items() if floors[signal] > 0.0
-    }
+    return {s: change[s] / floor for s, floor in c.floors.items() if floor > 0.0}
 
 
 def touched(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.gap.fits.fitted import Calibrated, Fit, loss
+from hil.gap.fits.fitted import Calibrated, Fit
 
 FAINT: Final = 0.3
 """Squared floors of energy above the floor that are too few to speak of."""
@@ -18,14 +18,13 @@ RARE: Final = 1.35
 def largest_ratio(c: Calibrated, f: Fit) -> float:
     """Largest usual residual of a signal on training samples, in its floor."""
     left = c.noise.usual(c.problem, f.residual)
-    floors = c.noise.usual(c.problem, c.noise.draws)
-    return max(left[s] / floors[s] for s in left if floors[s] > 0.0)
+    return max(left[s] / v for s, v in c.usual_floors.items() if v > 0.0)
 
 
 def most_left(c: Calibrated, f: Fit) -> float:
     """Largest residual of a signal on training samples, in its floor: of the usual samples, or of all."""
-    left, floors = (c.noise.weighted_rms(c.problem, r) for r in (f.residual, c.noise.draws))
-    return max(largest_ratio(c, f), *(left[s] / floors[s] for s in left if floors[s] > 0.0))
+    left = c.noise.weighted_rms(c.problem, f.residual)
+    return max(largest_ratio(c, f), *(left[s] / v for s, v in c.floors.items() if v > 0.0))
 
 
 def explained(
@@ -41,7 +40,7 @@ def explained(
     share is that of the robust loss, in which each counts but none for all. `is_sure`: the fit is beyond
     doubt, so what it leaves shows that no more than that is noise: a fast gap makes a record look noisy.
     """
-    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
+    floors = c.floors
     before = c.noise.weighted_rms(c.problem, none.residual)
     after = c.noise.weighted_rms(c.problem, f.residual)
     if is_sure:
@@ -57,10 +56,8 @@ def explained(
 def usually_explained(c: Calibrated, none: Fit, f: Fit) -> float:
     """Share of the usual gap above the floor, 0..1: what impacts leave for moments, as flanks of another law
     meet at other instants, is no part of it."""
-    floors, before, after = (
-        c.noise.usual(c.problem, r) for r in (c.noise.draws, none.residual, f.residual)
-    )
-    ratios = [(before[s] / v, after[s] / v) for s, v in floors.items() if v > 0.0]
+    before, after = (c.noise.usual(c.problem, r) for r in (none.residual, f.residual))
+    ratios = [(before[s] / v, after[s] / v) for s, v in c.usual_floors.items() if v > 0.0]
     return _gone(ratios)[1]
 
 
@@ -74,9 +71,8 @@ def _gone(ratios: Collection[tuple[float, float]]) -> tuple[float, float]:
 
 def above_noise(c: Calibrated, f: Fit) -> float:
     """Nats of the robust loss that a fit leaves above the floor; 0 where that is no more than chance."""
-    drawn = [np.sum(loss(c.noise.whiten(c.problem, row)[c.train])) for row in c.noise.draws]
-    left = f.cost(c.train) - float(np.mean(drawn))
-    return left if left > float(np.std(drawn)) else 0.0
+    left = f.cost(c.train) - float(np.mean(c.drawn))
+    return left if left > float(np.std(c.drawn)) else 0.0
 
 
 def _robustly(c: Calibrated, none: Fit, f: Fit) -> float:

@@ -14,9 +14,9 @@ from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.facts import is_fact
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import EFFECT as LOST
+from hil.gap.fits.further import is_further
 from hil.gap.fits.heldout import Score, touched, traces
 from hil.gap.fits.shares import explained
-from hil.gap.judged.further import is_further
 from hil.gap.record.leaf import Leaf
 from hil.gap.search.joint import goes_further
 
@@ -55,8 +55,8 @@ class Asked:
     """Nats of the nuisances' priors that an effect saves and no healthy rig spends: it was hidden in
     nuisances, which went to their bounds."""
     further: float
-    """Nats of an effect that is a nuisance too and stands further than that may (`is_further`); of one that
-    ALWAYS acts as many as make it nearly certain: delays of a busy bus are further off than most."""
+    """Nats of an effect that is a nuisance too and stands further than that may (`is_further`); one that
+    ALWAYS acts must be decisive: delays of a busy bus are further off than most."""
 
 
 COUNTED: Final = Asked(
@@ -178,7 +178,7 @@ def signals(c: Calibrated, none: Fit, f: Fit) -> tuple[str, ...]:
 def _asked_further(a: Asked, leaves: Sequence[Leaf]) -> float:
     """Nats that are asked of nuisances that stand further than they may."""
     acts_always = any(leaf.effect in ALWAYS for leaf in leaves)
-    return max(a.further, a.nearly) if acts_always else a.further
+    return max(a.further, a.decisive) if acts_always else a.further
 
 
 def _isclear(

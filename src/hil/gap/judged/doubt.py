@@ -17,11 +17,11 @@ import numpy as np
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nature import EVENTS, FLANKS, MOMENTS, WAVES
 from hil.gap.fits.fitted import Calibrated, Fit
+from hil.gap.fits.further import is_further
 from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import RARE, explained, largest_ratio, usually_explained
 from hil.gap.judged.clear import EXPLAINED, asked, other_than_facts
 from hil.gap.judged.constancy import Variation, variation
-from hil.gap.judged.further import is_further
 from hil.gap.judged.looped import is_spring
 from hil.gap.located.result import RATIO
 from hil.gap.record.leaf import Leaf

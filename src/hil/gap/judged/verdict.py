@@ -308,14 +308,13 @@ def not_excited(c: Calibrated, bank: Bank, named: Fit | None = None) -> tuple[st
     """Candidates that at a usual size would change no signal visibly on these data; none of those `named`,
     which have another size."""
     own = set() if named is None else {leaf.name for leaf in named.leaves}
-    floors = c.noise.weighted_rms(c.problem, c.noise.draws)
     weight = 1.0 / c.noise.sigma**2 * c.problem.kept
     size = np.zeros(bank.columns.shape[1])
     for signal in c.problem.signals:
         parts = [x.part for x in c.problem.series if x.signal == signal]
         total = sum(weight[p] @ bank.columns[p].astype(float) ** 2 for p in parts)
         share = np.sqrt(total / max(sum(float(weight[p].sum()) for p in parts), 1e-300))
-        size = np.maximum(size, share / max(floors[signal], 1e-300))
+        size = np.maximum(size, share / max(c.floors[signal], 1e-300))
     return tuple(
         leaf.name
         for leaf, starts in zip(bank.leaves, bank.places, strict=True)

@@ -38,8 +38,7 @@ def calmed(before: Located, c: Calibrated, fits: Sequence[Fit], seed: int) -> Lo
     if e.noise.source != "model" or not in_vector(best) or gain(ranked) < asked(c).decisive:
         return None
     left = c.noise.usual(c.problem, best.residual)
-    floors = c.noise.usual(c.problem, c.noise.draws)
-    if not any(left[s] < CALMER * floors[s] for s in left):
+    if not any(left[s] < CALMER * c.usual_floors[s] for s in left):
         return None
     rng = np.random.default_rng(seed + 3)
     residual = e.problem.residual(best.vector)
