@@ -279,6 +279,19 @@ def test_a_lost_setpoint_costs_the_retimed_drive_one_pause_and_no_more() -> None
     np.testing.assert_allclose(seen, 0.1 * (t - 0.0206), atol=3e-5)
 
 
+@pytest.mark.parametrize(("late_s", "is_in_time"), [(0.007, True), (0.009, False)])
+def test_a_late_setpoint_is_played_in_its_turn_or_passed_over_once(
+    late_s: float, is_in_time: bool
+) -> None:
+    rig = changed(load_rig("axis"), bus={"retimed": True})
+    sent = np.arange(0.0, 1.0, 0.01)
+    came = sent + late_s * (np.arange(len(sent)) == 50)
+    t = np.arange(0.45, 0.95, 0.0033)
+    off = np.abs(reference_of(rig, came, 0.1 * sent, t) - 0.1 * (t - 0.0206))
+    assert np.max(off[t > 0.6]) < 3e-5, "those after it are in time"
+    assert bool(np.max(off) < 3e-5) is is_in_time
+
+
 @pytest.mark.parametrize("gain", ["velocity_ff", "acceleration_ff", "friction_ff"])
 def test_each_precontrol_lowers_the_tracking_error(gain: str) -> None:
     def error(**gains: float) -> float:

@@ -450,7 +450,10 @@ def test_what_a_nuisance_explains_nearly_as_well_is_no_effect(turned, less, is_e
     named = SimpleNamespace(
         effects=(wheel,), causes=(wheel, mounted), calibrated=SimpleNamespace(problem=problem)
     )
-    assert exceeds_calibration(named, [Nuisance("imu.sensor_misalignment.y", 0.003, "rad")]) is is_effect
+    assert (
+        exceeds_calibration(named, [Nuisance("imu.sensor_misalignment.y", 0.003, "rad")])
+        is is_effect
+    )
 
 
 def test_a_nuisance_that_is_to_explain_nothing_stays_where_a_reference_left_it(healthy):

@@ -6,8 +6,9 @@ jumps (`hold`). The line starts where the one before it would be by then (`linea
 was, so that the drive rests for a tick (`linear_rests`), or it started a tick ago, so that its first step is
 made as the setpoint is taken (`linear_leads`). Forces that the drive is told it takes at once, or
 along such a line from their arrival on. `retimed`: setpoints wait in a queue and the drive takes one each
-T_c of its own clock, which starts one cycle after the first arrival, so send jitter below half a cycle does
-not show; where the next one has waited less (one before it was lost) the drive pauses a cycle.
+T_c of its own clock, which starts one cycle after the first arrival: a frame that is late by less than
+three quarters of a cycle does not show. Where one was lost or came later the drive pauses a cycle, and takes
+the next when its turn is.
 Law "cascade_static": the speed loop's force has K_s F_static beside it, as the law "pd" has [R].
 Law "pd": F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static ("Towards Simulating a Mid-size Stewart
 Platform on a Large Hexapod Simulator", eqs (7)-(8), with damping on the speed error [R]).
@@ -29,6 +30,10 @@ from hil.sim import layout as lay
 EPSILON_S = 1e-9
 """Instants nearer than this are the same: ticks are products k dt, rounded."""
 QUEUE = 4
+WAITED = 0.25
+"""Of a cycle: what came later is not the setpoint whose turn it is, or came too late for it."""
+SKIPS = 0.5
+"""Of a cycle: where a newer one has waited so long, those before it have had their turn."""
 
 
 @inner
@@ -129,6 +134,17 @@ def _start_segment(header, lines, st, i, target, t):  # type: ignore[no-untyped-
 
 
 @inner
+def _next(st, i, n, play, cycle):  # type: ignore[no-untyped-def]
+    """Which of the n setpoints in the queue of drive i has its turn at instant `play`; -1 where none has."""
+    taken = -1
+    for k in range(n):
+        waited = play - st[lay.S_FIFO_T + k, i] + EPSILON_S
+        if waited >= SKIPS * cycle or (taken < 0 and waited >= WAITED * cycle):
+            taken = k
+    return taken
+
+
+@inner
 def _play(header, st, i, t):  # type: ignore[no-untyped-def]
     """A drive with its own clock takes the next setpoint from its queue when that clock says so."""
     if (
@@ -138,10 +154,13 @@ def _play(header, st, i, t):  # type: ignore[no-untyped-def]
     ):
         return
     n = int(st[lay.S_FIFO_N, i])
-    if n > 0 and st[lay.S_FIFO_T, i] <= st[lay.S_PLAY, i] - 0.5 * header[lay.H_CYCLE]:
-        target = st[lay.S_FIFO, i]
-        _drop_oldest(st, i, n)
-        st[lay.S_FIFO_N, i] = n - 1
+    taken = _next(st, i, n, st[lay.S_PLAY, i], header[lay.H_CYCLE])
+    if taken >= 0:
+        target = st[lay.S_FIFO + taken, i]
+        for _ in range(taken + 1):
+            _drop_oldest(st, i, n)
+            n -= 1
+        st[lay.S_FIFO_N, i] = n
         _start_segment(header, header[lay.H_LINEAR], st, i, target, st[lay.S_PLAY, i])
     elif n == 0 and st[lay.S_PLAY, i] > st[lay.S_T1, i] + 2.0 * header[lay.H_CYCLE]:
         st[lay.S_IDLE, i] = 1.0
