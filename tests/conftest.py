@@ -32,7 +32,7 @@ REALTIME = (
     "tests/daemon/test_gateway",
     "tests/daemon/test_latency.py",
     "tests/daemon/test_lock.py",
-    "tests/daemon/test_processes.py",
+    "tests/daemon/test_processes",
     "tests/daemon/test_zenoh_session.py",
     "tests/runs/test_recorder.py",
     "tests/sim/test_serve.py",

@@ -2,49 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
-import re
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
 from hil.cli.demo import free_port
 from hil.runs import load_run
-from tests.daemon.bench import PATIENCE_S, Bench, arm, in_state, ride, wait_for
+from tests.daemon.bench import PATIENCE_S, ride
 
 pytestmark = pytest.mark.timeout(240)
-
-
-@pytest.fixture
-def bench(tmp_path):
-    made = Bench(tmp_path)
-    yield made
-    made.end()
-
-
-@pytest.fixture
-def slow(bench):
-    """The bench's rig takes its time to park."""
-    text, n = re.subn(r"(?m)^speed_share = .*$", "speed_share = 0.002", bench.file.read_text())
-    assert n == 1
-    bench.file.write_text(text)
-
-
-@pytest.fixture
-def riding(bench):
-    """The bench with an armed rig that follows cues."""
-    bench.simulated = bench.simulate()
-    bench.control = bench.daemon()
-    with contextlib.closing(bench.client()) as client:
-        ride(client)
-        bench.rig = client
-        yield bench
 
 
 @pytest.mark.parametrize("times", [1, 3])
@@ -81,51 +51,6 @@ def test_a_second_daemon_of_the_same_rig_refuses_to_start(riding):
     assert str(riding.control.pid) in said
     riding.processes.remove(second)
     ride(riding.rig)  # nobody sent cues meanwhile: it has parked
-
-
-def test_killing_control_stops_the_drives_and_a_new_daemon_comes_up_disarmed(riding):
-    (gateway,) = children_of(riding.control.pid)
-    riding.control.kill()
-    riding.control.wait()
-    wait_for(lambda: not Path(f"/proc/{gateway}").exists())
-    again = riding.daemon()
-    with contextlib.closing(riding.client()) as client:
-        in_state(client, "parked", "fault")
-        if client.state().state == "fault":
-            assert "drive_error: axis" in client.state().fault
-        arm(client)
-    again.send_signal(signal.SIGINT)
-    assert again.wait(30.0) == 0
-    killed = sorted(riding.runs.iterdir())[0]
-    assert load_run(killed).damage is None, "the gateway outlives control and ends the recording"
-
-
-def test_killing_the_gateway_parks_and_ends_the_daemon_with_an_error(riding):
-    (gateway,) = children_of(riding.control.pid)
-    os.kill(gateway, signal.SIGKILL)
-    assert riding.control.wait(30.0) == 1
-    assert "name=gateway_gone" in said(riding)
-    (folder,) = riding.runs.iterdir()
-    run = load_run(folder)
-    assert run.table["t"].max() > 0.5  # all but the last second is there
-
-
-def test_a_gateway_that_hangs_parks_the_rig_and_ends_the_daemon_with_an_error(riding):
-    (gateway,) = children_of(riding.control.pid)
-    os.kill(gateway, signal.SIGSTOP)
-    assert riding.control.wait(60.0) == 1
-    assert not Path(f"/proc/{gateway}").exists()
-    assert "says nothing for 5 s: the rig parks and the daemon ends" in said(riding)
-
-
-def said(bench: Bench) -> str:
-    """What the daemon, which has ended, wrote."""
-    bench.processes.remove(bench.control)
-    return bench.control.communicate()[0]
-
-
-def children_of(pid: int) -> list[int]:
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def test_command_watch_and_ride_speak_to_a_running_rig(riding):

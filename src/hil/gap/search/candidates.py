@@ -64,11 +64,12 @@ def fit_candidates(
     is_large: bool,
     without: Collection[str],
     say: Report,
+    seen: Sequence[Fit] = (),
 ) -> list[Fit]:
     """`none`, then all that was fitted; several effects together only where the gap stands by itself
-    (`is_large`), or one of them has some evidence."""
+    (`is_large`), or one of them has some evidence. `seen`: fits beside other noise."""
     search, leaves = Search(c, bank), bank.leaves
-    alone = _single_fits(c, none, search, leaves, without, say)
+    alone = _single_fits(c, none, search, leaves, without, say, seen)
     fits = [none, *ended(c, none, [f for f in alone if is_itself(c, f)], say)]
     if is_large or gain(weigh(c, fits)[0]) > FAINT:
         fits += joint_fits(c, fits, search, leaves, without, say)
@@ -94,13 +95,14 @@ def fitted_again(
     seen = [replace(f, white=c.noise.whiten(c.problem, f.residual)) for f in fits if f.leaves]
     best = min(seen, key=lambda f: f.total(c))
     if len(best.leaves) > 1 or not is_whole(c, best, RARE):
-        fits = _bettered(c, fit_candidates(c, none, bank, is_large, without, say), seen)
+        again = fit_candidates(c, none, bank, is_large, without, say, seen)
+        fits = _bettered(c, again, seen)
         if not any(f.is_of(best.leaves) for f in fits if f is not best):
             say("fitting " + " + ".join(x.name for x in best.leaves) + " once more")
-            again = fit(c, best.leaves, relative(c, best), best.z)
-            fits = fits if again is None else _bettered(c, fits, [again])
+            anew = fit(c, best.leaves, relative(c, best), best.z)
+            fits = fits if anew is None else _bettered(c, fits, [anew])
         return fits
-    alone = _single_fits(c, none, Search(c, bank), bank.leaves, without, say)
+    alone = _single_fits(c, none, Search(c, bank), bank.leaves, without, say, seen)
     found = _bettered(c, seen, [f for f in alone if is_itself(c, f)])
     return [none, *ended(c, none, found, say)]
 
@@ -122,6 +124,7 @@ def _single_fits(
     leaves: Sequence[Leaf],
     without: Collection[str],
     say: Report,
+    seen: Sequence[Fit],
 ) -> list[Fit]:
     out = []
     proposals = search.alone()
@@ -138,7 +141,7 @@ def _single_fits(
     if well < POORLY or held:
         promise = {leaves[p.leaves[0]].name: p.gain for p in proposals}
         suspected = suspects(c, none, leaves, held, promise)
-        out = _bettered(c, out, _replayed(c, none, suspected, say))
+        out = _bettered(c, out, _replayed(c, none, suspected, seen, say))
     if LOST not in without and well < WELL:
         say("looking for lost frames")
         lost = fit_lost_frames(c, none)
@@ -164,14 +167,21 @@ def alone_again(c: Calibrated, fits: Sequence[Fit], say: Report) -> list[Fit]:
     return out
 
 
-def _replayed(c: Calibrated, none: Fit, suspected: Sequence[Leaf], say: Report) -> list[Fit]:
+def _replayed(
+    c: Calibrated, none: Fit, suspected: Sequence[Leaf], seen: Sequence[Fit], say: Report
+) -> list[Fit]:
     """Springs, gaps and limits that a scan finds where nothing explains the gap, or where actuators are held
-    off beside what does: no column shows them."""
+    off beside what does: no column shows them. Those that are `seen` need no second scan."""
     out = []
     for leaf in suspected:
-        say(f"looking for {leaf.name} by replays")
-        start = least_left(c, none, leaf)
-        found = fit(c, [leaf], start) if start else None
+        known = next((f for f in seen if f.is_of([leaf])), None)
+        if known is None:
+            say(f"looking for {leaf.name} by replays")
+            start = least_left(c, none, leaf)
+            found = fit(c, [leaf], start) if start else None
+        else:
+            say(f"fitting {leaf.name} once more")
+            found = fit(c, [leaf], relative(c, known), known.z)
         if found is not None:
             out.append(found)
     return out
