@@ -88,6 +88,20 @@ def test_starts_that_lie_apart_from_run_to_run_are_told_by_positions(late_s, tol
     np.testing.assert_allclose(found, told_s, atol=1e-5)
 
 
+def test_frames_that_are_late_alone_are_counted_once_and_skipped_cycles_are_skipped():
+    """One half a cycle late and the next a little: rounded one by one they are a cycle too many."""
+    rng = np.random.default_rng(5)
+    cycle_s = FAST.bus.cycle
+    cycles = np.delete(np.arange(20000), [4000, 12000, 12001])
+    sent = cycle_s * (cycles + 0.05 * rng.standard_normal(len(cycles)))
+    for k in range(100, 19000, 370):
+        sent[k] += 0.6 * cycle_s
+        sent[k + 1] += 0.15 * cycle_s
+    sent = np.maximum.accumulate(sent)
+    regular = AtSync(cycle_s).regular(sent)
+    np.testing.assert_allclose(regular, cycle_s * cycles, atol=0.02 * cycle_s)
+
+
 def at_sync_record(ticks=None, seed=3, late=()):
     """A fast axis whose frames are sent with jitter and act at SYNC, at `ticks` of its drive's own clock; the
     frames numbered `late` act a tick after that."""

@@ -99,9 +99,7 @@ def test_tyres_that_give_way_in_curves_as_hard_ones_do_are_no_gap():
     assert found.verdict == "no_gap", found.sentence
 
 
-@pytest.mark.parametrize(
-    ("stiffness", "effects"), [(1.25e5, []), (7e4, ["tyre_compliance"])]
-)
+@pytest.mark.parametrize(("stiffness", "effects"), [(1.25e5, []), (7e4, ["tyre_compliance"])])
 def test_hard_tyres_are_healthy_and_soft_ones_a_finding(stiffness, effects):
     tyres = ("tyre_compliance", "bicycle", {"stiffness": stiffness, "damping": 250.0})
     found = diagnose_rides([ridden(short(), 22, tyres)], NOMINAL)

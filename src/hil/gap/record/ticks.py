@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from hil.config import RigFile
 from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
+
+ALONE: Final = 9
+"""Frames one after the other, of which fewer than half may be late by chance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +61,10 @@ class AtSync:
         """Send instants (K,) without what they jitter by: a straight line through the cycles they fall in."""
         if len(t) < 2:
             return t
-        cycles = np.concatenate([[0.0], np.cumsum(np.round(np.diff(t) / self.cycle_s))])
+        frames = np.arange(len(t))
+        # a frame that is late alone has skipped no cycle, and none is counted twice for the next
+        late = median_filter((t - t[0]) / self.cycle_s - frames, ALONE, mode="nearest")
+        cycles = frames + np.concatenate([[0.0], np.cumsum(np.round(np.diff(late)))])
         slope, start = np.polyfit(cycles, t - t[0], 1)
         return np.asarray(t[0] + start + slope * cycles)
 
