@@ -95,8 +95,8 @@ def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
 
 
 def _strikes(c: Calibrated, f: Fit, gain: float) -> bool:
-    """Whether a fit of `gain` nats is flanks that meet, beyond doubt."""
-    return gain > asked(c).certain and all(leaf.effect in FLANKS for leaf in f.leaves)
+    """Whether a fit of `gain` nats is flanks that meet, which nothing else looks like so nearly."""
+    return gain > asked(c).nearly and all(leaf.effect in FLANKS for leaf in f.leaves)
 
 
 def is_hidden(c: Calibrated, none: Fit, f: Fit) -> bool:

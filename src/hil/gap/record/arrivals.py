@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.record.fineness import CLEARER, fine_structure, fineness
+from hil.gap.record.latecomers import SURE
 from hil.gap.record.problem import Problem
 from hil.gap.record.started import started
 from hil.gap.record.synced import at_sync
@@ -61,13 +62,21 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
     if bus.retimed:
         return started(problem, beside)
     if bus.schedule == "fast":
-        return at_sync(problem, beside)
+        synced = at_sync(problem, beside)
+        if bus.interpolation == "hold":
+            return synced
+        return synced | _as_clear(problem, _at_ticks(problem, beside), synced, beside)
     if bus.position_loop <= bus.speed_loop or bus.interpolation == "hold":
         return {}
-    tick = bus.position_loop
+    vector = _delayed(problem) if vector is None else vector
+    return _refined(problem, _at_ticks(problem, vector), vector)
+
+
+def _at_ticks(problem: Problem, vector: Array) -> dict[tuple[int, str], Ticks]:
+    """The drives of which some place of the ticks makes their force clearer, and that place."""
+    tick = problem.rig.bus.position_loop
     pieces = problem.pieces
     names = problem.rig.actuator_names
-    vector = _delayed(problem) if vector is None else vector
     flats = [problem.predict(vector)[0]]
     for p in range(PLACES):
         ticks = Ticks(p * tick / PLACES, 0.0, 0.0)
@@ -81,7 +90,31 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
             best = _best(problem, k, a, flats, tick)
             if best is not None:
                 found[k, a] = best
-    return _refined(problem, found, vector)
+    return found
+
+
+def _as_clear(
+    problem: Problem, found: Mapping[tuple[int, str], Ticks], synced: Clocks, vector: Array
+) -> dict[tuple[int, str], Ticks]:
+    """Those of `found` beside which force is as clear as where setpoints act at SYNC, the late frames told
+    there set off: drives that take setpoints as they come, of which stamps tell what is late."""
+    if not found:
+        return {}
+    own, regular = (problem.with_clocks(c).predict(vector)[0] for c in (found, synced))
+
+    def told(key: tuple[int, str]) -> float:
+        samples = sum(
+            int(problem.kept[x.part].sum())
+            for x in problem.series
+            if x.quantity in ("force", "current") and (x.stretch, x.actuator) == key
+        )
+        return SURE * len(getattr(synced.get(key), "late", ())) / max(samples, 1)
+
+    return {
+        key: ticks
+        for key, ticks in found.items()
+        if fineness(problem, *key, own) < fineness(problem, *key, regular) + CLEARER + told(key)
+    }
 
 
 def _delayed(problem: Problem) -> Array:
