@@ -147,6 +147,16 @@ def test_flanks_that_meet_beyond_doubt_meet_elsewhere_in_unseen_data(
         assert (doubted(monkeypatch, 0.6, gain, 1.3, shrink, effect) > 0.5) is is_doubtful
 
 
+@pytest.mark.parametrize(
+    ("gain", "effect", "is_doubtful"),
+    [(41.0, "backlash", False), (25.0, "backlash", True), (41.0, "hysteresis", True)],
+)
+def test_flanks_that_nothing_else_looks_like_need_take_little_off_unseen_data(
+    monkeypatch, gain, effect, is_doubtful
+):
+    assert (doubted(monkeypatch, 0.6, gain, 0.98, 0.02, effect) > 0.5) is is_doubtful
+
+
 @pytest.mark.parametrize(("shrink", "is_doubtful"), [(0.97, False), (0.85, True)])
 def test_few_nats_are_no_chance_where_unseen_data_lose_their_gap(monkeypatch, shrink, is_doubtful):
     assert (doubted(monkeypatch, 0.97, 1.3, 1.0 - shrink, shrink) > 0.5) is is_doubtful
@@ -164,9 +174,9 @@ def test_a_wave_must_show_at_other_places(monkeypatch, effect, shrink, is_doubtf
 
 def test_between_impacts_a_gap_is_explained_whatever_the_impacts_leave():
     usual = {"none": {"axis.force": 2.0, "imu.accel_x": 3.2}, "fit": {"axis.force": 1.0, "imu.accel_x": 1.3},
-             "draws": {"axis.force": 1.0, "imu.accel_x": 1.0}}  # fmt: skip
-    noise = SimpleNamespace(usual=lambda problem, rows: usual[rows], draws="draws")
-    c = SimpleNamespace(problem=None, noise=noise)
+             "floors": {"axis.force": 1.0, "imu.accel_x": 1.0}}  # fmt: skip
+    noise = SimpleNamespace(usual=lambda problem, rows: usual[rows])
+    c = SimpleNamespace(problem=None, noise=noise, usual_floors=usual["floors"])
     none, fit = SimpleNamespace(residual="none"), SimpleNamespace(residual="fit")
     assert usually_explained(c, none, fit) == pytest.approx(1.0 - 0.69 / 12.24, abs=1e-3)
     assert usually_explained(c, none, none) == 0.0

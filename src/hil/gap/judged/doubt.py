@@ -90,13 +90,14 @@ def explained_share(c: Calibrated, none: Fit, f: Fit, gain: float) -> float:
         return 1.0
     saved = none.prior_cost - f.prior_cost
     hidden = saved / none.prior_cost if is_hidden(c, none, f) else 0.0
-    between = usually_explained(c, none, f) if _strikes(c, f, gain) else 0.0
+    between = usually_explained(c, none, f) if _strikes(f, gain, asked(c).nearly) else 0.0
     return max(hidden, between, explained(c, none, f, is_sure=gain > asked(c).decisive))
 
 
-def _strikes(c: Calibrated, f: Fit, gain: float) -> bool:
-    """Whether a fit of `gain` nats is flanks that meet, which nothing else looks like so nearly."""
-    return gain > asked(c).nearly and all(leaf.effect in FLANKS for leaf in f.leaves)
+def _strikes(f: Fit, gain: float, least: float) -> bool:
+    """Whether a fit of `gain` nats, more than `least`, is flanks that meet: nothing else looks like them so
+    nearly."""
+    return gain > least and all(leaf.effect in FLANKS for leaf in f.leaves)
 
 
 def is_hidden(c: Calibrated, none: Fit, f: Fit) -> bool:
@@ -129,7 +130,7 @@ def doubt(
         struck = all(leaf.effect in MOMENTS for leaf in others)
         least = WAVE_HOLDS if all(leaf.effect in WAVES for leaf in others) else HARMLESS
         holds = float(np.interp(told.share, OFTEN if struck else WELL, (HOLDS, least)))
-        if not _strikes(c, f, told.gain):
+        if not _strikes(f, told.gain, asked(c).nearly):
             other = max(other, chance(part.shrink, holds))
     if any(is_spring(c, f, leaf) for leaf in others if leaf.effect == "hysteresis"):
         other = max(other, AT_BOUND)
@@ -139,7 +140,7 @@ def doubt(
     if waves and len(waves) == len(f.leaves):
         other = max(other, chance(told.share, WAVE_EXPLAINED))
     harms = part.after > HARM[0] * part.before and len(others) > 0
-    if harms and not _strikes(c, f, told.gain):
+    if harms and not _strikes(f, told.gain, asked(c).certain):
         other = max(other, HARM[1])
     once = largest_ratio(c, none) < RARE and all(leaf.effect in EVENTS for leaf in others)
     varies = None if once else variation(c, none, f, bank, worth)
