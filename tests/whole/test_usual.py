@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hil.gap import diagnose
-from tests.gap.test_missing import without_rows
 from tests.gap.twin_runs import AXIS, effect, record
+from tests.whole.test_missing import without_rows
 
 FINE = AXIS.model_copy(
     update={"noise": AXIS.noise.model_copy(update={"position": 1e-6, "position_step": 1e-7})}
