@@ -39,4 +39,4 @@ def is_further(c: Calibrated, without: Fit, f: Fit, leaves: Sequence[Leaf]) -> b
                 return True
         return False
 
-    return all(map(stands_out, leaves))
+    return bool(leaves) and all(map(stands_out, leaves))

@@ -110,7 +110,7 @@ def clear(
         gain, trace = w.log_evidence - log, _trace(c, f, w.fit)
         saved = f.prior_cost - w.fit.prior_cost
         share = partial(explained, c, f, w.fit)
-        if leaves and gain > _asked_further(asked(c), leaves) and is_further(c, f, w.fit, leaves):
+        if gain > _asked_further(asked(c), leaves) and is_further(c, f, w.fit, leaves):
             return True
         return not leaves or _isclear(asked(c), gain, trace, saved, leaves, share)
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.record.fineness import CLEARER, fine_structure, fineness
-from hil.gap.record.latecomers import SURE
+from hil.gap.record.latecomers import SURE, Synced
 from hil.gap.record.problem import Problem
 from hil.gap.record.started import started
 from hil.gap.record.synced import at_sync
@@ -94,7 +94,7 @@ def _at_ticks(problem: Problem, vector: Array) -> dict[tuple[int, str], Ticks]:
 
 
 def _as_clear(
-    problem: Problem, found: Mapping[tuple[int, str], Ticks], synced: Clocks, vector: Array
+    problem: Problem, found: Mapping[tuple[int, str], Ticks], synced: Synced, vector: Array
 ) -> dict[tuple[int, str], Ticks]:
     """Those of `found` beside which force is as clear as where setpoints act at SYNC, the late frames told
     there set off: drives that take setpoints as they come, of which stamps tell what is late."""
@@ -108,7 +108,8 @@ def _as_clear(
             for x in problem.series
             if x.quantity in ("force", "current") and (x.stretch, x.actuator) == key
         )
-        return SURE * len(getattr(synced.get(key), "late", ())) / max(samples, 1)
+        late = synced[key].late if key in synced else ()
+        return SURE * len(late) / max(samples, 1)
 
     return {
         key: ticks
