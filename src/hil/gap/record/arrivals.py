@@ -8,8 +8,8 @@ place is looked for in windows along the record, as a straight line in time for 
 does it (drives without ticks, stamps of another clock) setpoints act half a tick after their arrival, as
 they do on average, and the kicks count as noise.
 
-Drives on a bus with SYNC: `hil.gap.record.synced`; drives that play setpoints by a clock that the first frame
-starts: `hil.gap.record.started`.
+Drives on a bus with SYNC, which may have ticks of their own all the same: `hil.gap.record.synced`; drives
+that play setpoints by a clock that the first frame starts: `hil.gap.record.started`.
 """
 
 from __future__ import annotations

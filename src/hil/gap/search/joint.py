@@ -15,7 +15,6 @@ from hil.gap.fits.fitted import Calibrated, Fit, loss, replay_cost, spread_of
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.frames import fit_lost_frames
 from hil.gap.fits.friction import is_itself, may_join
-from hil.gap.fits.further import is_further
 from hil.gap.fits.heldout import touched
 from hil.gap.fits.shares import RARE, above_noise, explained, most_left
 from hil.gap.fits.starts import changes_of, relative
@@ -259,12 +258,11 @@ def adds(c: Calibrated, fits: Sequence[Fit], joint: Fit, least: float = ADDS) ->
 
 def goes_further(c: Calibrated, f: Fit, joint: Fit, least: float = ADDS) -> bool:
     """Whether a set explains more than a share `least` of what `f` leaves, or most of it on the signals that
-    `f` does not touch, or brings back nuisances that `f` leaves far off, or stands further than those may."""
+    `f` does not touch, or brings back nuisances that `f` leaves far off."""
     return (
         explained(c, f, joint) > least
         or _owns(c, f, joint)
         or f.prior_cost - joint.prior_cost > BROUGHT_BACK
-        or is_further(c, f, joint, [x for x in joint.leaves if x not in f.leaves])
     )
 
 
