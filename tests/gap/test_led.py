@@ -30,12 +30,19 @@ SENT_S = np.arange(0.0, 6.0, AXIS.bus.cycle)
 ANSWERED = {"axis.position": SENT_S[::2] + 0.0031, "axis.force": SENT_S[1::2] + 0.0031}
 
 
-def pushed(rig: RigFile, forces: np.ndarray, noise_m: float = 0.0, seed: int = 1) -> Stretch:
+def pushed(
+    rig: RigFile, forces: np.ndarray, noise_m: float = 0.0, seed: int = 1, jitter_s: float = 0.0
+) -> Stretch:
     """A stretch of the axis under forces that no loop closes, as the twin answers them."""
-    told = {"axis": (SENT_S, forces)}
-    answers = Twin(rig, smooth=True).replay(told, ANSWERED, mode="force")
+    late_s = jitter_s * np.abs(np.random.default_rng(seed + 1).standard_normal(len(SENT_S)))
+    told = {"axis": (SENT_S + late_s, forces)}
+    answered = {
+        "axis.position": ANSWERED["axis.position"] + late_s[::2],
+        "axis.force": ANSWERED["axis.force"] + late_s[1::2],
+    }
+    answers = Twin(rig, smooth=True).replay(told, answered, mode="force")
     rng = np.random.default_rng(seed)
-    samples = {s: (t, answers[s] + 0.0) for s, t in ANSWERED.items()}
+    samples = {s: (t, answers[s] + 0.0) for s, t in answered.items()}
     t, x = samples["axis.position"]
     samples["axis.position"] = t, x + noise_m * rng.standard_normal(len(t))
     return Stretch("pushed", told, samples, "force")

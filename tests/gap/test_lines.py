@@ -8,6 +8,8 @@ import pytest
 from hil.gap.located.habits import DRAWS
 from hil.gap.located.locate import locate
 from hil.gap.record.lines import CLEAR, for_lines
+from hil.identify.replay import Stretch
+from hil.sim import Twin
 from tests.gap.test_led import ANSWERED, AXIS, SENT_S, as_frame, pushed
 from tests.gap.twin_runs import effect
 
@@ -21,7 +23,12 @@ SWINGS = sum(
 
 def noisy(rig, *effects):
     """A stretch under forces that swing, answered with the noise of the rig file."""
-    piece = pushed(rig.model_copy(update={"effects": effects}), SWINGS, AXIS.noise.position)
+    piece = pushed(
+        rig.model_copy(update={"effects": effects}),
+        SWINGS,
+        AXIS.noise.position,
+        jitter_s=AXIS.bus.jitter,
+    )
     t, force = piece.samples["axis.force"]
     force = force + AXIS.noise.force * np.random.default_rng(4).standard_normal(len(t))
     return dataclasses.replace(piece, samples={**piece.samples, "axis.force": (t, force)})
@@ -54,3 +61,17 @@ def test_a_twin_that_draws_forces_out_leaves_less_of_a_record_of_drives_that_do(
     )
     assert drawn["axis.position"] < held["axis.position"]
     assert drawn["axis.force"] < held["axis.force"]
+
+
+def test_forces_that_drives_take_at_their_ticks_are_not_drawn_out():
+    """Answers just where those come are of one setpoint, of the next, or of some of both."""
+    rng = np.random.default_rng(5)
+    tick, delay = AXIS.bus.position_loop, AXIS.bus.setpoint_delay
+    sent = SENT_S + AXIS.bus.jitter * np.abs(rng.standard_normal(len(SENT_S)))
+    acts = tick * np.ceil((sent + delay) / tick)
+    stamps = {"axis.force": sent[1::2] + 0.0011 + AXIS.bus.answer_delay}
+    answers = Twin(AXIS).replay({"axis": (acts - delay, SWINGS)}, stamps, mode="force")
+    force = answers["axis.force"] + AXIS.noise.force * rng.standard_normal(len(SENT_S[1::2]))
+    samples = {"axis.force": (stamps["axis.force"], force)}
+    piece = Stretch("ticks", {"axis": (sent, SWINGS)}, samples, "force")
+    assert for_lines(AXIS, [piece]) < -CLEAR

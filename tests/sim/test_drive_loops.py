@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
@@ -395,3 +396,22 @@ def test_drives_that_do_not_know_of_legs_sag_under_their_weight() -> None:
     sag = np.array(held[0]) - np.array(held[1])
     np.testing.assert_allclose(sag, a.static_ff * weight / a.position_gain, rtol=0.01)
     assert np.all(sag > 1e-5)
+
+
+def test_drives_with_a_common_clock_play_together_whatever_slot_their_setpoints_came_in() -> None:
+    rig, speed = load_rig("stewart_pd"), 0.05
+    together = changed(rig, bus={"clock_wait": 0.009})
+    cycles = np.arange(0.0, 1.0, rig.bus.cycle)
+    slots = enumerate(rig.actuators)
+    sent = {a.name: (cycles + i * rig.bus.stagger, a.home + speed * cycles) for i, a in slots}
+    at = {f"{a}.position": np.arange(0.5, 0.9, 0.0033) for a in rig.actuator_names}
+    own, common = Twin(rig).replay(sent, at), Twin(together).replay(sent, at)
+    earlier_s = [float(np.mean(common[s] - own[s])) / speed for s in at]
+    np.testing.assert_allclose(earlier_s, 0.001 + rig.bus.stagger * np.arange(6), atol=3e-5)
+
+
+def test_a_common_clock_that_no_setpoint_could_wait_for_is_refused() -> None:
+    with pytest.raises(
+        ValidationError, match=r"clock_wait: the last of 6 drives would wait 0\.5 ms"
+    ):
+        changed(load_rig("stewart_pd"), bus={"clock_wait": 0.006})

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
 from hil.config.base import NonNegative, Positive, Settings
+
+SHORTEST_WAIT: Final = 0.1
+"""Of a cycle: what a setpoint must wait for a clock of the drives' at least, so that jitter does not show."""
 
 
 class Bus(Settings):
@@ -44,6 +47,11 @@ class Bus(Settings):
     retimed: bool = Field(
         False, description="the drive buffers one cycle and plays on its own clock"
     )
+    clock_wait: Annotated[float, Field(gt=0.0, le=0.1)] | None = Field(
+        None,
+        description="drives that are retimed begin each cycle together, so long after the first drive's "
+        "setpoint came, s; where it is not given, each a cycle after its own came",
+    )
     position_loop: Positive = Field(0.001, description="period of the drive's position loop, s")
     speed_loop: Positive = Field(0.00025, description="period of the drive's speed loop, s")
     pattern: Annotated[
@@ -51,6 +59,15 @@ class Bus(Settings):
     ] = Field(
         ("position", "force"), description="what successive parameter slots of a drive ask for"
     )
+
+    def waits_s(self, slot: int) -> float:
+        """How long the setpoint of drive `slot`, counted from 0, waits for the drive's clock, s; 0 where it
+        acts as it comes."""
+        if not self.retimed:
+            return 0.0
+        if self.clock_wait is None:
+            return self.cycle
+        return self.clock_wait - (self.stagger * slot if self.schedule == "parameter" else 0.0)
 
     @property
     def reach_s(self) -> float:

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from hil.config.actuator import Actuator
 from hil.config.base import Matrix3, NonNegative, Positive, Settings, Vector3
-from hil.config.bus import Bus, Can, Imu, Noise
+from hil.config.bus import SHORTEST_WAIT, Bus, Can, Imu, Noise
 from hil.config.control import Control, CueLimits, Parking, Safety
 from hil.config.geometry import AxisGeometry, Geometry
 
@@ -151,6 +151,12 @@ class RigFile(Settings):
                     f"actuators: {actuator.name} is on bus {actuator.drive.bus}, but there are {buses}: 0 is "
                     "[can], each [[can.further]] is one more"
                 )
+        waits_s = self.bus.waits_s(len(names) - 1)
+        if self.bus.retimed and waits_s < SHORTEST_WAIT * self.bus.cycle:
+            raise ValueError(
+                f"bus.clock_wait: the last of {len(names)} drives would wait {1e3 * waits_s:.3g} ms, a "
+                f"setpoint needs {1e3 * SHORTEST_WAIT * self.bus.cycle:.3g} ms"
+            )
         if len(set(self.can.urls)) != buses:
             raise ValueError(f"can: two buses have the same url: {', '.join(self.can.urls)}")
         return self

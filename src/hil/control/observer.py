@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.control import kalman
 from hil.control.friction import Friction
-from hil.control.setpoints import Setpoints, slot_offsets
+from hil.control.setpoints import Setpoints, clock_waits, slot_offsets
 from hil.errors import KinematicsError
 from hil.rigs import Manipulator
 from hil.rigs.linear import solve_square
@@ -72,7 +72,7 @@ class Observer:
         self._index = {name: i for i, name in enumerate(rig.actuator_names)}
         self._offsets = slot_offsets(rig)
         self._cycle_s = rig.bus.cycle
-        self._position_delay_s = rig.bus.cycle if rig.bus.retimed else 0.0
+        self._clock_waits = clock_waits(rig)
         self._drive_kinds = np.array(
             [kalman.PD if a.law == "pd" else kalman.POSITION for a in rig.actuators]
         )
@@ -126,7 +126,7 @@ class Observer:
             kinds, values = self._by_force, self._respond(setpoints.values)
         else:
             kinds, values = self._drive_kinds, setpoints.values
-            arrivals = arrivals + self._position_delay_s
+            arrivals = arrivals + self._clock_waits
         if kinds is not self._kinds:
             for i in np.flatnonzero(kinds != self._kinds):
                 self._arrivals[i] = arrivals[i]

@@ -39,8 +39,11 @@ def setpoint_leads(rig: RigFile) -> NDArray[np.float64]:
     """Time from a reference's instant, one cycle ahead, to each drive's reaching its setpoint (n,), s.
 
     A straight line arrives one cycle after its start, later where the drive rests for a tick first, a held
-    value is right half a cycle late (`Bus.reach_s`); a drive with its own clock plays setpoints another cycle
-    later.
+    value is right half a cycle late (`Bus.reach_s`); a drive with its own clock plays setpoints later.
     """
-    late_s = rig.bus.reach_s - rig.bus.cycle
-    return slot_offsets(rig) + late_s + (rig.bus.cycle if rig.bus.retimed else 0.0)
+    return slot_offsets(rig) + clock_waits(rig) + rig.bus.reach_s - rig.bus.cycle
+
+
+def clock_waits(rig: RigFile) -> NDArray[np.float64]:
+    """How long each drive's setpoint waits for that drive's own clock (n,), s."""
+    return np.array([rig.bus.waits_s(i) for i in range(len(rig.actuators))])

@@ -6,9 +6,9 @@ jumps (`hold`). The line starts where the one before it would be by then (`linea
 was, so that the drive rests for a tick (`linear_rests`), or it started a tick ago, so that its first step is
 made as the setpoint is taken (`linear_leads`). Forces that the drive is told it takes at once, or
 along such a line from their arrival on. `retimed`: setpoints wait in a queue and the drive takes one each
-T_c of its own clock, which starts one cycle after the first arrival: a frame that is late by less than
-three quarters of a cycle does not show. Where one was lost or came later the drive pauses a cycle, and takes
-the next when its turn is.
+T_c of its own clock, which starts one cycle after the first arrival (`clock_wait`: all drives so long after
+that of the first): a frame that is late by less than three quarters of a cycle does not show, if it comes in
+time. Where one was lost or came later the drive pauses a cycle, and takes the next when its turn is.
 Law "cascade_static": the speed loop's force has K_s F_static beside it, as the law "pd" has [R].
 Law "pd": F = K_p (x_ref - x) + K_d (k_fv x_ref' - v) + K_s F_static ("Towards Simulating a Mid-size Stewart
 Platform on a Large Hexapod Simulator", eqs (7)-(8), with damping on the speed error [R]).
@@ -30,10 +30,11 @@ from hil.sim import layout as lay
 EPSILON_S = 1e-9
 """Instants nearer than this are the same: ticks are products k dt, rounded."""
 QUEUE = 4
-WAITED = 0.25
-"""Of a cycle: what came later is not the setpoint whose turn it is, or came too late for it."""
+LATEST = 0.75
+"""Of a cycle: what waited shorter by more than that is not the setpoint whose turn it is, or came too
+late for it."""
 SKIPS = 0.5
-"""Of a cycle: where a newer one has waited so long, those before it have had their turn."""
+"""Of a cycle: where a newer one waited shorter by no more than that, those before have had their turn."""
 
 
 @inner
@@ -85,7 +86,7 @@ def deliver(header, st, i, value, t):  # type: ignore[no-untyped-def]
             st[lay.S_HAS_PENDING, i] = 1.0
             return
         if st[lay.S_IDLE, i] != 0.0:
-            st[lay.S_PLAY, i] = t + header[lay.H_CYCLE]
+            st[lay.S_PLAY, i] = t + _wait_s(header, i)
             st[lay.S_IDLE, i] = 0.0
         n = int(st[lay.S_FIFO_N, i])
         if n == QUEUE:  # too full: the oldest goes
@@ -94,6 +95,12 @@ def deliver(header, st, i, value, t):  # type: ignore[no-untyped-def]
         st[lay.S_FIFO + n, i] = value
         st[lay.S_FIFO_T + n, i] = t
         st[lay.S_FIFO_N, i] = n + 1
+
+
+@inner
+def _wait_s(header, i):  # type: ignore[no-untyped-def]
+    """How long a setpoint that is in time waits for the clock of drive i."""
+    return header[lay.H_CLOCK_WAIT] - i * header[lay.H_EARLIER]
 
 
 @inner
@@ -134,12 +141,13 @@ def _start_segment(header, lines, st, i, target, t):  # type: ignore[no-untyped-
 
 
 @inner
-def _next(st, i, n, play, cycle):  # type: ignore[no-untyped-def]
-    """Which of the n setpoints in the queue of drive i has its turn at instant `play`; -1 where none has."""
+def _next(st, i, n, wait, cycle):  # type: ignore[no-untyped-def]
+    """Which of the n setpoints in the queue of drive i has its turn now; -1 where none has. `wait`: how long
+    one that is in time waits, s."""
     taken = -1
     for k in range(n):
-        waited = play - st[lay.S_FIFO_T + k, i] + EPSILON_S
-        if waited >= SKIPS * cycle or (taken < 0 and waited >= WAITED * cycle):
+        late = wait - (st[lay.S_PLAY, i] - st[lay.S_FIFO_T + k, i] + EPSILON_S)
+        if late <= SKIPS * cycle or (taken < 0 and late <= LATEST * cycle):
             taken = k
     return taken
 
@@ -154,7 +162,7 @@ def _play(header, st, i, t):  # type: ignore[no-untyped-def]
     ):
         return
     n = int(st[lay.S_FIFO_N, i])
-    taken = _next(st, i, n, st[lay.S_PLAY, i], header[lay.H_CYCLE])
+    taken = _next(st, i, n, _wait_s(header, i), header[lay.H_CYCLE])
     if taken >= 0:
         target = st[lay.S_FIFO + taken, i]
         for _ in range(taken + 1):

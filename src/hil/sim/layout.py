@@ -97,12 +97,15 @@ H_KIND, H_N, H_DT, H_POSITION_TICKS, H_CYCLE, H_SETPOINT_DELAY, H_LINEAR, H_RETI
     H_ANSWER_DELAY,
     H_SMOOTH,
     H_FORCE_LINEAR,
-) = range(8, 16)
-HEADER = 16
+    H_CLOCK_WAIT,
+    H_EARLIER,
+) = range(8, 18)
+HEADER = 18
 """Header: kind, n, s per tick, ticks per position loop, s per cycle, s, flags, steps per tick, length of
 the geometry, whether there is an IMU, whether a static-force feed-forward acts, the group delay left in
 the IMU's answers s, delay of the drives' answers s, whether arrivals act between ticks, whether forces that
-drives are told are drawn out in lines."""
+drives are told are drawn out in lines, how long the first drive waits for its clock s, and
+how much less than the one before it each of the others s."""
 RESTS = 2.0
 LEADS = 3.0
 INTERPOLATIONS = {"hold": 0.0, "linear": 1.0, "linear_rests": RESTS, "linear_leads": LEADS}

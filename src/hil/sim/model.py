@@ -61,7 +61,7 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
         delay_s, lines, bus.retimed, substeps, len(geometry),
         rig.imu is not None, feeds_static, rig.imu.delay if rig.imu else 0.0,
         bus.answer_delay, is_smooth,
-        lay.INTERPOLATIONS[bus.force_interpolation],
+        lay.INTERPOLATIONS[bus.force_interpolation], bus.waits_s(0), bus.waits_s(0) - bus.waits_s(1),
     ]  # fmt: skip
     return np.concatenate(
         [header, _pack_actuators(rig).ravel(), geometry, geometry, body, body, gravity, gravity,

@@ -59,6 +59,8 @@ class Habit:
     """Shares that are tried, where what it changes does not go in proportion to its share."""
     is_unlike: bool = False
     """Whether no effect does the like: where a twin with it leaves no gap, none is weighed against it."""
+    is_plain: bool = False
+    """Whether hardly anything else does the like, so that a twin has it wherever that leaves less."""
 
     def found(self, twin: RigFile) -> Finding:
         """What the reader must know where a rig was found to have it, as `twin` has."""
@@ -114,7 +116,7 @@ def share_of(habit: Habit, located: Located) -> float:
         with_it = np.column_stack([changed(1.0), nuisances])
         least, found = left(with_it, rest, np.pad(prior, ((1, 0), (1, 0))))
         share = float(found[0])
-    is_held = abs(share) > HELD and least < (1.0 - habit.told) * before
+    is_held = (abs(share) > HELD or bool(habit.sizes)) and least < (1.0 - habit.told) * before
     return share if is_held and habit.shares[0] <= share <= habit.shares[1] else 0.0
 
 

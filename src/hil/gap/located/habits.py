@@ -6,6 +6,8 @@
   on a healthy rig.
 - Drives make the first step of such a line at the tick at which they take the setpoint, and so are a tick
   early in everything. No effect of the catalogue is: delays are added.
+- Drives that play setpoints on their own clocks begin each cycle together, whatever slot their setpoints came
+  in, and sooner than a cycle after those came. No effect of the catalogue makes a drive early.
 - Drives take their time: what they compute for, filter speeds with and switch currents by adds to the lag of
   their current loops. To a twin whose loops have that of the file alone their gains seem larger.
 - Drives that are told forces draw each out in a line, as they do positions (`bus.force_interpolation`): all
@@ -44,6 +46,8 @@ LATER: Final = (0.5, 0.8, 1.2, 1.8)
 """Shares of that which are tried."""
 LEGS: Final = 0.05
 """Of the platform's mass, what all legs together weigh where the share of their habit is 1 [R]."""
+SOONER: Final = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.13, 0.16, 0.19, 0.22, 0.26, 0.3)
+"""Shares of a cycle by which the first of drives that begin their cycles together may wait less than one."""
 BENDS_M: Final = 2e-5
 """m or rad within which friction builds up where the share of that habit is 1 [R: bristles of rolling guides
 and screws bend by 5 to 50 µm]."""
@@ -73,6 +77,15 @@ def _resting(rig: RigFile, _: float) -> RigFile:
 
 def _leading(rig: RigFile, _: float) -> RigFile:
     bus = rig.bus.model_copy(update={"interpolation": "linear_leads"})
+    return rig.model_copy(update={"bus": bus})
+
+
+def _may_play_together(rig: RigFile) -> bool:
+    return rig.bus.retimed and rig.bus.clock_wait is None
+
+
+def _together(rig: RigFile, share: float) -> RigFile:
+    bus = rig.bus.model_copy(update={"clock_wait": (1.0 - share) * rig.bus.cycle})
     return rig.model_copy(update={"bus": bus})
 
 
@@ -176,6 +189,16 @@ LEADS: Final = Habit(
     ),
     asked=_is_early,
 )  # fmt: skip
+TOGETHER: Final = Habit(
+    "bus.clock_wait", "drives that begin each cycle together", _may_play_together, _together,
+    lambda twin: (
+        f"the drives begin each cycle together, {1e3 * twin.bus.waits_s(0):.2g} ms after the first one's "
+        "setpoint came: the twin does so with them; bus.clock_wait belongs into the rig file"
+    ),
+    sizes=SOONER,
+    is_unlike=True,
+    is_plain=True,
+)  # fmt: skip
 TAKES_TIME: Final = Habit(
     "actuators.current_hz", "drives whose loops take their time", lambda rig: True, _taking_time,
     lambda twin: (
@@ -242,5 +265,5 @@ def _weighs(is_fed: bool, may: Callable[[RigFile], bool], and_drives: str) -> Ha
 
 WEIGHS: Final = _weighs(True, _may_weigh, "and drives reckon with it")
 LOADS: Final = _weighs(False, _may_load, "and drives do not know of it")
-HABITS: Final = (RESTS, LEADS, TAKES_TIME, FEEDS, BENDS, WEIGHS, LOADS)
+HABITS: Final = (TOGETHER, RESTS, LEADS, TAKES_TIME, FEEDS, BENDS, WEIGHS, LOADS)
 """Those that a record is asked for by their share."""

@@ -13,7 +13,7 @@ from hil.gap.catalogue.sprung import BEND_HZ, BENDS_HZ, sprung_twin
 from hil.gap.fits.evidence import FAINT, explains_better, weigh
 from hil.gap.judged.clear import asked
 from hil.gap.judged.diagnosis import Diagnosis
-from hil.gap.located.habit import Habit, share_of
+from hil.gap.located.habit import Habit, leaves_less, share_of
 from hil.gap.located.habits import DRAWS, GUIDES, HABITS
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
@@ -33,8 +33,16 @@ Habits = list[tuple[Habit, float]]
 def as_usual(q: Question, located: Located, *, may_draw: bool) -> tuple[Located, Habits]:
     """What was located, by a twin with habits that no effect is like where those leave no gap; and which.
 
-    `may_draw`: drives do not say clearly that they draw out what force they are told.
+    Habits that are plain are taken wherever they leave less. `may_draw`: drives do not say clearly that they
+    draw out what force they are told.
     """
+    plain: Habits = []
+    for habit in (h for h in HABITS if h.is_plain and located.is_gap):
+        problem = located.evidence.problem
+        share = share_of(habit, located)
+        other = q.locate(habit.twin(problem.rig, share), problem.clocks) if share else located
+        if leaves_less(other, located):
+            located, plain = other, [*plain, (habit, share)]
     problem = located.evidence.problem
     rig = problem.rig
     unlike = [(h, share_of(h, located)) for h in HABITS if h.is_unlike and located.is_gap]
@@ -44,8 +52,8 @@ def as_usual(q: Question, located: Located, *, may_draw: bool) -> tuple[Located,
         if share != 0.0:
             other = q.locate(habit.twin(rig, share), problem.clocks)
             if not other.is_gap:
-                return other, [(habit, share)]
-    return located, []
+                return other, [*plain, (habit, share)]
+    return located, plain
 
 
 def with_ticks(q: Question, mine: Considered) -> Considered:

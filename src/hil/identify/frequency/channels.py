@@ -187,7 +187,8 @@ def shift_s(rig: RigFile, name: str) -> float:
     if quantity == "force_setpoint":
         return bus.setpoint_delay
     if quantity == "setpoint":
-        return bus.setpoint_delay + bus.reach_s + (bus.cycle if bus.retimed else 0.0)
+        waits_s = bus.waits_s(rig.actuator_names.index(group))
+        return bus.setpoint_delay + waits_s + bus.reach_s
     return -bus.answer_delay
 
 
