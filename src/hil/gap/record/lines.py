@@ -33,7 +33,7 @@ CLEAR: Final = 6.0
 have 9 and more, of as many that do not none more than -3]."""
 UNTOLD: Final = -1.5
 """Nats from which on drives may draw lines, and a twin that does and leaves no gap says so [the same seed:
-four more of those that do]."""
+five more of those that do]."""
 
 
 def for_lines(rig: RigFile, pieces: Sequence[Stretch]) -> float:
