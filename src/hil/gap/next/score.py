@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from hil.config import RigFile
+from hil.control.setpoints import slot_offsets
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
 from hil.gap.fits.evidence import RANGE
 from hil.gap.floor.noise import NoiseModel, find_noise
@@ -93,8 +94,9 @@ def recorded(
     sent = cycles * bus.cycle + rng.uniform(0.0, max(bus.jitter, 1e-9), len(cycles))
     rho = np.array([manipulator.inverse(q) for q in path(cycles * bus.cycle)])
     setpoints, samples = {}, {}
+    after = slot_offsets(rig) - bus.setpoint_delay
     for i, a in enumerate(rig.actuator_names):
-        slot = sent + i * bus.stagger
+        slot = sent + after[i]
         setpoints[a] = (slot, rho[:, i])
         for quantity in ("position", "velocity", "force", "current"):
             if f"{a}.{quantity}" not in signals:
