@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from hil.gap.catalogue.nuisances import default_nuisances
+from hil.gap.fits.evidence import _peaks
 from hil.gap.fits.fit import _as_moved, _is_stuck, fit
-from hil.gap.fits.friction import is_equal, is_itself
+from hil.gap.fits.friction import is_equal, is_itself, is_peak
 from hil.gap.fits.heldout import split
 from hil.gap.fits.starts import relative
 from hil.gap.fits.training import begin, candidates_of
@@ -107,6 +108,30 @@ def test_friction_that_is_equal_in_both_directions_is_plain(negative: float, are
         is_equal(fit_of("asymmetric_friction", {"positive": 59.6, "negative": negative}))
         is are_equal
     )
+
+
+@pytest.mark.parametrize(
+    ("static", "coulomb", "stands_out"),
+    [(88.0, 42.0, True), (70.0, 42.0, False), (50.0, -10.0, False), (-80.0, -40.0, False)],
+)
+def test_a_peak_at_rest_stands_out_where_it_is_no_other_friction_that_differs(
+    static: float, coulomb: float, stands_out: bool
+):
+    values = {"coulomb": coulomb, "static": static, "velocity": 0.02}
+    assert is_peak(fit_of("stribeck_friction", values)) is stands_out
+
+
+@pytest.mark.parametrize(
+    ("static", "more", "is_free"), [(88.0, 9.0, True), (88.0, 3.0, False), (60.0, 9.0, False)]
+)
+def test_a_peak_that_stands_out_and_explains_more_does_not_pay_for_its_parameters(
+    static: float, more: float, is_free: bool
+):
+    none = SimpleNamespace(leaves=(), names=(), values=np.empty(0), at_bound=())
+    plain = fit_of("coulomb_friction", {"force": 42.0})
+    peaked = fit_of("stribeck_friction", {"coulomb": 41.0, "static": static, "velocity": 0.02})
+    logs = np.array([0.0, 1000.0, 1000.0 + more])
+    assert _peaks([none, plain, peaked], logs) == ([(2, [1])] if is_free else [])
 
 
 def test_an_effect_all_of_whose_parameters_are_at_their_bounds_is_beyond_any_rig():

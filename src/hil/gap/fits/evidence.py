@@ -21,7 +21,7 @@ from hil.gap.catalogue.bank import ABSOLUTE
 from hil.gap.catalogue.nature import MOMENTS
 from hil.gap.fits.fit import step_size
 from hil.gap.fits.fitted import Calibrated, Fit, loss
-from hil.gap.fits.friction import is_equal, nested
+from hil.gap.fits.friction import is_equal, is_peak, nested
 from hil.gap.fits.shares import RARE, largest_ratio
 from hil.gap.located.result import RATIO
 
@@ -42,6 +42,8 @@ looks like one that was taken away is more often a drive that pushes harder than
 ADDED: Final = ("payload_mass.mass", "actuator_inertia.mass")
 STUCK: Final = 6.0
 """Such units that a parameter at its bound costs: what wants more than any rig has is another effect."""
+PEAKS: Final = 5.0
+"""Nats by which friction with a peak at rest must explain more than without it, to have that peak."""
 RANGE: Final = 10.0
 """Prior range of a parameter, in its own scales."""
 UNUSED: Final = 0.05
@@ -120,6 +122,8 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     real = np.array([bool(f.leaves) for f in fits])
     unit = max(1.0, RELATIVE * float(logs.max() - logs[~real].max()))
     told = np.array([np.sum(_felt(c, f, loose) < TOLD) for f in fits])
+    for k, held in _peaks(fits, logs):
+        told[k] = min(told[held])
     ends = np.array([len(f.at_bound) for f in fits])
     less = np.array(
         [
@@ -177,15 +181,28 @@ def _asked_for(c: Calibrated, fits: Sequence[Fit]) -> list[tuple[int, list[int]]
     with those: their freedom is asked for."""
     ratio = [largest_ratio(c, f) for f in fits]
     out = []
-    for k, f in enumerate(fits):
-        held = [
-            j for j, g in enumerate(fits)
-            if g.leaves and len(g.leaves) == len(f.leaves) and len(g.names) < len(f.names)
-            and nested(g.leaves, f.leaves)
-        ]  # fmt: skip
+    for k in range(len(fits)):
+        held = _simpler(fits, k)
         if held and ratio[k] < RARE and min(ratio[j] for j in held) > RATIO:
             out.append((k, held))
     return out
+
+
+def _peaks(fits: Sequence[Fit], logs: Array) -> list[tuple[int, list[int]]]:
+    """Numbers of those whose peak at rest stands out and explains more than every simpler law that they hold,
+    by PEAKS nats, with those: that a curve has three parameters is nothing against it then."""
+    held = [(k, _simpler(fits, k)) for k, f in enumerate(fits) if is_peak(f)]
+    return [(k, some) for k, some in held if some and logs[k] > max(logs[some]) + PEAKS]
+
+
+def _simpler(fits: Sequence[Fit], k: int) -> list[int]:
+    """Numbers of the fits with as many effects as the k-th that are simpler laws which its own holds."""
+    f = fits[k]
+    return [
+        j for j, g in enumerate(fits)
+        if g.leaves and len(g.leaves) == len(f.leaves) and len(g.names) < len(f.names)
+        and nested(g.leaves, f.leaves)
+    ]  # fmt: skip
 
 
 def temper(c: Calibrated, best: Fit) -> dict[str, Temper]:

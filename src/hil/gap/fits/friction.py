@@ -46,6 +46,11 @@ EQUAL: Final = 0.02
 PEAKS: Final = (1.6, 3.0)
 """Times the plain friction, that friction at rest may have where a peak is looked for."""
 
+PEAK: Final = 1.8
+"""Times the friction in motion, from which on that at rest is no way in which other friction differs from a
+twin's [set on used-up cases of exams and of worlds of others: fitted to other laws 1.6 at most, to peaks 2.0
+and more]."""
+
 
 def may_join(leaf: Leaf, others: Sequence[Leaf]) -> bool:
     """Whether a leaf can act beside `others`: not itself again, no two forms of one law at one place."""
@@ -80,6 +85,17 @@ def is_equal(f: Fit) -> bool:
         if x.effect == "asymmetric_friction"
     ]
     return any(abs(a - b) < EQUAL * abs(a + b) for a, b in sides)
+
+
+def is_peak(f: Fit) -> bool:
+    """Whether friction of a fit has a peak at rest that stands out from what it is in motion."""
+    value = _values(f)
+    peaks = [
+        (value.get(f"{x.name}.static", 0.0), value.get(f"{x.name}.coulomb", 0.0))
+        for x in f.leaves
+        if x.effect == PEAKED
+    ]
+    return any(static >= PEAK * coulomb > 0.0 for static, coulomb in peaks)
 
 
 def is_itself(c: Calibrated, f: Fit) -> bool:
