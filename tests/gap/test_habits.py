@@ -5,7 +5,7 @@ import pytest
 
 from hil.configfile import load_rig
 from hil.gap.located.habit import share_of
-from hil.gap.located.habits import BENDS, FEEDS, LOADS, RESTS, TAKES_TIME, WEIGHS
+from hil.gap.located.habits import BENDS, FEEDS, LOADS, RESTS, TAKES_TIME, TOGETHER, WEIGHS
 from hil.gap.located.locate import locate
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
@@ -52,6 +52,13 @@ def test_only_drives_that_draw_lines_on_arrival_are_asked():
     held = AXIS.bus.model_copy(update={"interpolation": "hold"})
     own_clock = AXIS.bus.model_copy(update={"retimed": True})
     assert not any(RESTS.may(AXIS.model_copy(update={"bus": b})) for b in (held, own_clock))
+
+
+def test_only_drives_in_slots_with_clocks_of_their_own_are_asked_for_a_common_one():
+    own_clock = AXIS.bus.model_copy(update={"retimed": True})
+    assert TOGETHER.may(load_rig("stewart_pd"))
+    assert not TOGETHER.may(load_rig("stewart"))
+    assert not TOGETHER.may(AXIS.model_copy(update={"bus": own_clock}))
 
 
 def test_a_record_of_drives_that_feed_static_force_forward_share_of_be_one():

@@ -7,7 +7,7 @@
 - Drives make the first step of such a line at the tick at which they take the setpoint, and so are a tick
   early in everything. No effect of the catalogue is: delays are added.
 - Drives that play setpoints on their own clocks begin each cycle together, whatever slot their setpoints came
-  in, and sooner than a cycle after those came. No effect of the catalogue makes a drive early.
+  in, and sooner than a cycle after those came. No effect of the catalogue makes all drives early.
 - Drives take their time: what they compute for, filter speeds with and switch currents by adds to the lag of
   their current loops. To a twin whose loops have that of the file alone their gains seem larger.
 - Drives that are told forces draw each out in a line, as they do positions (`bus.force_interpolation`): all
@@ -46,7 +46,7 @@ LATER: Final = (0.5, 0.8, 1.2, 1.8)
 """Shares of that which are tried."""
 LEGS: Final = 0.05
 """Of the platform's mass, what all legs together weigh where the share of their habit is 1 [R]."""
-SOONER: Final = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.13, 0.16, 0.19, 0.22, 0.26, 0.3)
+SOONER: Final = (0.01, 0.02, 0.04, 0.06, 0.08, 0.1, 0.13, 0.16, 0.19, 0.22, 0.26, 0.3)
 """Shares of a cycle by which the first of drives that begin their cycles together may wait less than one."""
 BENDS_M: Final = 2e-5
 """m or rad within which friction builds up where the share of that habit is 1 [R: bristles of rolling guides
@@ -81,7 +81,8 @@ def _leading(rig: RigFile, _: float) -> RigFile:
 
 
 def _may_play_together(rig: RigFile) -> bool:
-    return rig.bus.retimed and rig.bus.clock_wait is None
+    """Where slots are apart: of a single drive that is early a gain might be too high."""
+    return rig.bus.retimed and rig.bus.schedule == "parameter" and len(rig.actuators) > 1
 
 
 def _together(rig: RigFile, share: float) -> RigFile:

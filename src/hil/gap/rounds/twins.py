@@ -27,6 +27,9 @@ SPRINGY: Final = ("compliance", "loop_gain")
 GIVES: Final = frozenset({"compliance", "backlash"})
 """Effects that part a load from its motor."""
 
+TURNS: Final = 3
+"""Times that a plain habit is asked for its share: nuisances at their bounds stand for some of it first."""
+
 Habits = list[tuple[Habit, float]]
 
 
@@ -38,11 +41,15 @@ def as_usual(q: Question, located: Located, *, may_draw: bool) -> tuple[Located,
     """
     plain: Habits = []
     for habit in (h for h in HABITS if h.is_plain and located.is_gap):
-        problem = located.evidence.problem
-        share = share_of(habit, located)
-        other = q.locate(habit.twin(problem.rig, share), problem.clocks) if share else located
-        if leaves_less(other, located):
-            located, plain = other, [*plain, (habit, share)]
+        for _ in range(TURNS):
+            share = share_of(habit, located)
+            if share == 0.0:
+                break
+            problem = located.evidence.problem
+            other = q.locate(habit.twin(problem.rig, share), problem.clocks)
+            if not leaves_less(other, located):
+                break
+            located, plain = other, [*(x for x in plain if x[0] is not habit), (habit, share)]
     problem = located.evidence.problem
     rig = problem.rig
     unlike = [(h, share_of(h, located)) for h in HABITS if h.is_unlike and located.is_gap]
