@@ -197,7 +197,6 @@ TOGETHER: Final = Habit(
         "setpoint came: the twin does so with them; bus.clock_wait belongs into the rig file"
     ),
     sizes=SOONER,
-    is_unlike=True,
     is_plain=True,
 )  # fmt: skip
 TAKES_TIME: Final = Habit(

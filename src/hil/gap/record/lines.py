@@ -1,9 +1,9 @@
 """Where setpoints are forces: whether drives take each at once, or draw it out in a line of a cycle.
 
 The force that a drive answers is what it was told, so its answers say which, if only they are not all taken
-right where setpoints come. Either is asked with the delay and the scale and bias at which it leaves least. A
-force that is taken at once is not there at once: the current loop lags, and the drive may take it at its next
-tick. Where answers come just then, they lie between two setpoints as on a line.
+right where setpoints come. Either is weighed over all delays, each with the scale and bias that leave least.
+A force that is taken at once is not there at once: the current loop lags, and the drive may take it at its
+next tick. Where answers come just then, they lie between two setpoints as on a line.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ five more of those that do]."""
 
 def for_lines(rig: RigFile, pieces: Sequence[Stretch]) -> float:
     """By how many nats lines explain the forces that the drives answered better than steps do, in `pieces` of
-    mode "force"; from CLEAR on drives draw lines, down to -CLEAR they may."""
+    mode "force"; from CLEAR on drives draw lines, down to UNTOLD they may."""
     return sum((_nats(rig, p) for p in pieces), 0.0)
 
 
@@ -83,9 +83,8 @@ def _held(bus: Bus, told: Series, answers: Series, lag_s: float) -> float:
 
     delays = _delays(bus)
     at_once = [nats(sent + bus.setpoint_delay + s) for s in delays]
-    near = (
-        np.abs(delays - delays[int(np.argmax(at_once))]) <= tick
-    )  # others have no part in the mean
+    best_s = delays[int(np.argmax(at_once))]
+    near = np.abs(delays - best_s) <= tick  # others have no part in the mean
     waiting = [at_ticks(s) if is_near else -np.inf for s, is_near in zip(delays, near, strict=True)]
     return float(np.logaddexp(_mean(at_once), _mean(waiting)) - np.log(2.0))
 

@@ -78,7 +78,7 @@ def with_habits(q: Question, mine: Considered) -> tuple[Considered, Habits]:
     """`mine`, or what explains better with habits of its drives and legs; and which."""
     found: Habits = []
     for habit in HABITS:
-        if habit.is_unlike and mine.explains_all():
+        if habit.is_plain or (habit.is_unlike and mine.explains_all()):
             continue
         share = share_of(habit, mine.located)
         if share == 0.0:
