@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
+from hil.bicycle.creep import rolls
 from hil.bicycle.sensors import IMU_SIGNALS, Sensor, misaligned
 from hil.config import BicycleFile
 from hil.config.bicycle import SIGNALS
@@ -77,19 +78,24 @@ class RideEffects:
         springs = (v[f"{fork}.stiffness"], tyres[0], tyres[0])
         dampers = (v[f"{fork}.damping"], tyres[1], tyres[1])
         bicycle = self.bicycle(packed)
-        return ride(bicycle, self._rolled(bicycle, told), start, springs, dampers)
+        return ride(bicycle, self._rolled(bicycle, told, start), start, springs, dampers)
 
-    def _rolled(self, bicycle: Packed, told: Smooth) -> Smooth:
+    def _rolled(
+        self, bicycle: Packed, told: Smooth, start: tuple[float, float, float, float]
+    ) -> Smooth:
         """`told` with the rear wheel as one turns that goes the same way without creeping under what it
         drives and brakes with."""
         creeps = self.values[CREEP]
         if creeps == 0.0:
             return told
-        more = crept(told.rate[:, 1], told.acceleration[:, 1], creeps * bicycle.p[ROLLING])
+        radius, mass = float(bicycle.p[ROLLING]), float(np.sum(bicycle.body[:, 0]))
+        drive = ride(bicycle, told, start).drive_torque / (radius * mass)
+        turns, speeds_up = told.rate[:, 1].copy(), told.acceleration[:, 1].copy()
+        rolled = rolls(turns, speeds_up, drive, creeps, radius, told.dt_s)
         angle, rate, acceleration = (x.copy() for x in (told.angle, told.rate, told.acceleration))
-        angle[:, 1] -= cumulative_trapezoid(more, dx=told.dt_s, initial=0.0)
-        rate[:, 1] -= more
-        acceleration[:, 1] = central(rate[:, 1], told.dt_s)
+        angle[:, 1] -= cumulative_trapezoid(turns - rolled, dx=told.dt_s, initial=0.0)
+        rate[:, 1] = rolled
+        acceleration[:, 1] = central(rolled, told.dt_s)
         return Smooth(told.dt_s, angle, rate, acceleration)
 
     @property
@@ -142,12 +148,6 @@ class RideEffects:
                 for k, s in enumerate(IMU_SIGNALS)
             ]
         )
-
-
-def crept(rate: Array, acceleration: Array, share: float) -> Array:
-    """(N,) how much faster a wheel turns than it would roll, rad/s, whose tyre creeps by `share` (s²) of its
-    way for each rad/s² that it drives with."""
-    return share * acceleration * rate
 
 
 def softened(rig: BicycleFile, dt_s: float, values: Array, share: float = SOFTER) -> Array:

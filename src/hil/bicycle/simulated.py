@@ -11,7 +11,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from hil.bicycle.effects import CREEP, RideEffects, crept
+from hil.bicycle.creep import turns
+from hil.bicycle.effects import CREEP, RideEffects
 from hil.bicycle.path import Path, u_turns
 from hil.bicycle.sensors import IMU_SIGNALS, Sensor, misaligned, noise_of, through_filter
 from hil.bicycle.world import STEP_S, RideTruth, ride_along
@@ -67,7 +68,8 @@ def record(rig: BicycleFile, truth: RideTruth, seed: int = 0) -> pd.DataFrame:
     turned = q[:, 4]
     if creeps := values[CREEP]:
         rate = np.gradient(turned, STEP_S)
-        more = crept(rate, np.gradient(rate, STEP_S), creeps * rig.geometry.R)
+        drive = truth.torques[:, 1] / (rig.geometry.R * sum(rig.mass.m))
+        more = turns(rate, drive, creeps) - rate
         turned = turned + cumulative_trapezoid(more, dx=STEP_S, initial=0.0)
     rolled = turned - (q[:, 5] if rig.sensors.encoder_on_frame else 0.0)
     builder = TableBuilder()

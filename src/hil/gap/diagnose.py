@@ -145,6 +145,5 @@ def as_found(found: Located, priors: Sequence[Nuisance]) -> list[Nuisance]:
     out = []
     for f in found.nuisances:
         n = by_name[f.name]
-        size = max(n.sd, abs(f.change)) if n.drifts_by_value else n.sd
-        out.append(replace(n, mean=f.change, sd=float(np.hypot(f.sd, n.drift * size))))
+        out.append(replace(n, mean=f.change, sd=float(np.hypot(f.sd, n.drift * n.sd))))
     return out

@@ -64,14 +64,7 @@ def wheel_nuisances(wheels: Wheels) -> tuple[Nuisance, ...]:
     (creeps, spread), (section_m, spread_m) = wheels.creeps, wheels.round_m
     section = f"{LEAN_TORQUE}.tyre_section.radius"
     return (
-        Nuisance(
-            "rear_wheel.drive_slip.per_accel",
-            spread,
-            "s²/m",
-            mean=creeps,
-            drift=ROLLING,
-            drifts_by_value=True,
-        ),
+        Nuisance("rear_wheel.drive_slip.per_accel", spread, "s²/m", mean=creeps, drift=ROLLING),
         Nuisance("steer.sensor_scale.scale", give, "1", mean=-turns, drift=ROLLING),
         Nuisance("steer.sensor_latency.delay", give_s, "s", mean=-late_s, drift=ROLLING),
         Nuisance(section, spread_m, "m", mean=section_m),

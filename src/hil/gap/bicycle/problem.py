@@ -161,6 +161,11 @@ class RideProblem(Problem):
         per = len(self.twins)
         return np.array([np.concatenate(flat[b * per : (b + 1) * per]) for b in range(len(rows))])
 
+    def changes(self, vectors: Array, vector: Array, base: Array) -> Array:
+        """(B, N) by how much the answers for B vectors differ from `base`: rides have no ticks."""
+        del vector
+        return np.asarray(self.answers(vectors) - base)
+
     def motion(self, vector: Array) -> list[dict[str, Array]]:
         """For each ride "t", "speed" (m/s), "front" (normal force, N) and "yaw_rate" at its judged rows."""
         out = []

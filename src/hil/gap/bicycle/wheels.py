@@ -30,16 +30,17 @@ class Wheels:
 TYRES: Final = Wheels(
     turns_by=(0.012, 0.01),
     turns_late_s=(0.006, 0.004),
-    creeps=(0.003, 0.002),
+    creeps=(0.006, 0.0025),
     round_m=(0.012, 0.008),
     slips=8e-4,
 )
 """Round sections turn a bicycle more, the side force of a wheel that is cambered as it is steered by a
 fiftieth alone; a tyre takes its side force up within some decimetres, and none lets a bicycle turn earlier;
-the rear one bears three fifths of the weight, and slips by a thirtieth under as much force as it bears;
-sections are 25 to 50 mm wide, and a file's heights may be off as well; under side forces tyres slip, fork
-and frame give way [R; 54 healthy rides of four worlds of others, all on tyres that slip, turn by 0 to 3 %
-more and by none less, by 1 to 11 ms later]."""
+the rear one bears three fifths of the weight, and slips by a thirtieth to a fifteenth under as much force as
+it bears; sections are 25 to 50 mm wide, and a file's heights may be off as well; under side forces tyres
+slip, fork and frame give way [R; 54 healthy rides of four worlds of others, all on tyres that slip, turn by 0
+to 3 % more and by none less, by 1 to 11 ms later; those of three worlds that pull away and brake creep by
+0.0044 to 0.009 s²/m]."""
 THIN: Final = Wheels(
     turns_by=(0.0, 0.004),
     turns_late_s=(0.0, 0.0015),

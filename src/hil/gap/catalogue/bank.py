@@ -69,12 +69,12 @@ def fill_bank(problem: Problem, vector: Array, base: Array, leaves: Sequence[Lea
         own = _own_signal(problem, w)
         shared = together and w.actuator is not None and w.key[0] not in PLACING
         groups.setdefault(w.key if shared or own is not None else w.column, []).append(w)
-    rows = list(groups.values())
-    for first in range(0, len(rows), AT_ONCE):
-        some = rows[first : first + AT_ONCE]
-        answers = problem.answers(np.array([_changed(problem, vector, g) for g in some]))
-        for group, answer in zip(some, answers, strict=True):
-            change = np.where(np.isfinite(answer), answer - base, 0.0)
+    apart = list(groups.values())
+    for first in range(0, len(apart), AT_ONCE):
+        some = apart[first : first + AT_ONCE]
+        rows = np.array([_changed(problem, vector, g) for g in some])
+        for group, moved in zip(some, problem.changes(rows, vector, base), strict=True):
+            change = np.where(np.isfinite(moved), moved, 0.0)
             for w in group:
                 if len(group) == 1:
                     out[:, w.column] = change

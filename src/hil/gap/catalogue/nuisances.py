@@ -72,8 +72,6 @@ class Nuisance:
     """Of the prior, from the rig file's value: what a healthy reference was found to have."""
     drift: float = DRIFT
     """Of `sd`: how far a run may stand from a reference."""
-    drifts_by_value: bool = False
-    """Whether that is of what a reference was found to have, where it is more than `sd`."""
 
 
 def default_nuisances(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from hil.gap.catalogue.bank import ABSOLUTE, shifted
-from hil.gap.fits.about import about, is_swinging
+from hil.gap.fits.about import TURNS, about, is_swinging
 from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of, weight
 from hil.gap.located.residual import nuisance_sensitivities, reach
 from hil.gap.record.leaf import Leaf
@@ -218,15 +218,16 @@ def _scanned(
     spread: float,
 ) -> tuple[Array, Array, Array]:
     """A start with a rugged cost: the best of some about it."""
-    rows = about(c.problem.table, start, best[1])
-    if not len(rows):
-        return best[1:]
-    for row, answer in zip(rows, c.problem.answers(rows), strict=True):
-        if np.all(np.isfinite(answer)):
-            white = c.noise.whiten(c.problem, c.problem.measured - answer)
-            cost = _total(c, white, best[3], spread)
-            if cost < best[0]:
-                best = (cost, row, answer, best[3])
+    for turn in range(TURNS):
+        rows = about(c.problem.table, start, best[1], turn)
+        if not len(rows):
+            break
+        for row, answer in zip(rows, c.problem.answers(rows), strict=True):
+            if np.all(np.isfinite(answer)):
+                white = c.noise.whiten(c.problem, c.problem.measured - answer)
+                cost = _total(c, white, best[3], spread)
+                if cost < best[0]:
+                    best = (cost, row, answer, best[3])
     return best[1:]
 
 
@@ -308,8 +309,8 @@ def sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[s
         row[i] = min(max(p.from_search(x + step), p.lower), p.upper)
         rows.append(row)
         spans.append(p.to_search(float(row[i])) - x)
-    answers = problem.answers(np.array(rows))
-    change = np.where(np.isfinite(answers), answers - answer, 0.0).T
+    changes = problem.changes(np.array(rows), vector, answer)
+    change = np.where(np.isfinite(changes), changes, 0.0).T
     span = np.array([s if s != 0.0 else 1.0 for s in spans])
     return np.asarray(c.noise.whiten(problem, change) / span)
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.errors import IdentificationError
+from hil.gap.record.coarse import coarser, tells
 from hil.gap.record.leaf import Leaf
 from hil.gap.record.led import replay_led
 from hil.gap.record.sides import sided
@@ -102,6 +103,8 @@ class Problem:
                 series.append(Series(name, s, slice(size, size + count)))
                 size += count
             self.jobs.append(self.job(piece))
+        self._coarse_jobs: list[Replay] = []
+        self._coarse_base: tuple[bytes, Array] | None = None
         self.series: tuple[Series, ...] = tuple(series)
         if not series:
             raise IdentificationError(
@@ -117,12 +120,14 @@ class Problem:
                 "nothing to judge a twin by"
             )
 
-    def job(self, piece: Stretch) -> Replay:
-        """A stretch packed for the twin, answering its judged signals at their instants."""
+    def job(self, piece: Stretch, rig: RigFile | None = None) -> Replay:
+        """A stretch packed for the twin (of `rig`), answering its judged signals at their instants."""
         stamps = {name: piece.samples[name][0] for name in judged(self.rig, piece)}
-        return self._job(piece, stamps)
+        return self._job(piece, stamps, rig)
 
-    def _job(self, piece: Stretch, stamps: Mapping[str, Array]) -> Replay:
+    def _job(
+        self, piece: Stretch, stamps: Mapping[str, Array], rig: RigFile | None = None
+    ) -> Replay:
         missing = [
             a for a in self.rig.actuator_names if not len(piece.setpoints.get(a, ((), ()))[0])
         ]
@@ -132,7 +137,7 @@ class Problem:
                 f"{piece.name}: holds no {', '.join(f'{a}.{kind}' for a in missing)}, so the twin cannot "
                 "replay it"
             )
-        return replay_led(self.rig, piece, stamps)
+        return replay_led(rig or self.rig, piece, stamps)
 
     def _samples(self, x: Series) -> tuple[Array, Array]:
         return self.pieces[x.stretch].samples[x.signal]
@@ -208,10 +213,34 @@ class Problem:
 
     def answers(self, vectors: Array) -> Array:
         """(B, N) samples for B parameter vectors (B, P of the table); NaN where the twin cannot stand."""
-        rows = np.atleast_2d(vectors)
-        flat = run_all([(job, row) for row in rows for job in self.jobs])
-        per = len(self.jobs)
+        return self._answers(self.jobs, np.atleast_2d(vectors))
+
+    def _answers(self, jobs: Sequence[Replay], rows: Array) -> Array:
+        flat = run_all([(job, row) for row in rows for job in jobs])
+        per = len(jobs)
         return np.array([np.concatenate(flat[b * per : (b + 1) * per]) for b in range(len(rows))])
+
+    def changes(self, vectors: Array, vector: Array, base: Array) -> Array:
+        """(B, N) by how much the answers for B vectors differ from those for `vector`, which are `base`: of
+        a twin with longer ticks where that tells as much (`hil.gap.record.coarse`)."""
+        jobs = self._coarse()
+        coarse = tells(self.table, vectors, vector) if jobs else np.zeros(len(vectors), dtype=bool)
+        out = np.empty((len(vectors), self.size))
+        if coarse.any():
+            key = vector.tobytes()
+            if self._coarse_base is None or self._coarse_base[0] != key:
+                self._coarse_base = key, self._answers(jobs, np.array([vector]))[0]
+            out[coarse] = self._answers(jobs, vectors[coarse]) - self._coarse_base[1]
+        if not coarse.all():
+            out[~coarse] = self.answers(vectors[~coarse]) - base
+        return out
+
+    def _coarse(self) -> list[Replay]:
+        """The stretches packed for a twin with longer ticks; none where the rig's are as long as may be."""
+        rig = coarser(self.rig)
+        if rig is not None and not self._coarse_jobs:
+            self._coarse_jobs = [self.job(piece, rig) for piece in self.pieces]
+        return self._coarse_jobs
 
     def predict(self, vectors: Array) -> Array:
         """`answers`; IdentificationError where the twin cannot stand with the first of `vectors`."""
@@ -263,11 +292,10 @@ class Problem:
             places += [(k, len(rows), span, own) for k, span, own in late]
             rows.append(shared)
         if rows:
-            at = base is None
-            flat = self.predict(np.array([vector, *rows] if at else rows))
-            start = flat[0] if base is None else base
+            start = self.predict(vector)[0] if base is None else base
+            changes = self.changes(np.array(rows), vector, start)
             for k, row_of, span, own in places:
-                change = (flat[row_of + at] - start) / span
+                change = changes[row_of] / span
                 out[:, k] = change if own is None else np.where(own, change, 0.0)
         return out
 

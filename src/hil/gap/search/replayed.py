@@ -24,8 +24,10 @@ from hil.gap.record.leaf import Leaf
 Array = NDArray[np.float64]
 
 SWINGS_HZ: Final = tuple(3.0 * 1.2**k for k in range(15))
-HARDER: Final = (0.0, 0.1, 0.3, 0.8)
+HARDER: Final = (0.1, 0.3, 0.8)
 """How much a spring may stiffen: the more it is wound up, the faster it swings."""
+NEAREST: Final = 4
+"""Springs of those that do not stiffen, of which stiffening ones are tried."""
 CLOSER: Final = ((0.96, 0.0), (0.98, 0.0), (1.0, 0.0), (1.0, 0.15), (1.0, 0.4))
 """Times the starts of a limit, and knees; a fit looks about the best of them (`hil.gap.fits.about`)."""
 STANDS: Final = 2.0
@@ -87,21 +89,29 @@ def _over(c: Calibrated, residual: Array) -> dict[str, float]:
 
 def least_left(c: Calibrated, none: Fit, leaf: Leaf) -> dict[str, float]:
     """Values of the parameters of `leaf` that leave least; empty where all are worse than none."""
-    table, problem = c.problem.table, c.problem
-    index = [table.index(n) for n in leaf.parameters]
     if leaf.effect in FLANKS:
         some = [tuple(s.columns[0].values()) for s in leaf.starts]
     elif leaf.effect in LIMITS:
         starts = [value for s in leaf.starts for value in s.columns[0].values()]
         some = [(value * near, knee) for value in starts for near, knee in CLOSER]
     else:
-        a = next(x for x in problem.rig.actuators if x.name == leaf.location)
-        some = [(*spring(a, f), h) for f in SWINGS_HZ for h in HARDER]
-    rows = np.tile(none.vector, (len(some), 1))
-    rows[:, index] = some
-    spread = spread_of(c, none.white)
-    costs = [replay_cost(c, answer, spread) for answer in problem.answers(rows)]
-    best = int(np.argmin(costs))
-    if costs[best] >= replay_cost(c, problem.measured - none.residual, spread):
+        a = next(x for x in c.problem.rig.actuators if x.name == leaf.location)
+        some = [(*spring(a, f), 0.0) for f in SWINGS_HZ]
+    left = _left(c, none, leaf, some)
+    if leaf.effect not in (*FLANKS, *LIMITS):
+        near = [some[k] for k in np.argsort(left)[:NEAREST]]
+        harder = [(k, d, h) for k, d, _ in near for h in HARDER]
+        some, left = [*some, *harder], [*left, *_left(c, none, leaf, harder)]
+    best = int(np.argmin(left))
+    unmoved = c.problem.measured - none.residual
+    if left[best] >= replay_cost(c, unmoved, spread_of(c, none.white)):
         return {}
     return dict(zip(leaf.parameters, some[best], strict=True))
+
+
+def _left(c: Calibrated, none: Fit, leaf: Leaf, some: Sequence[tuple[float, ...]]) -> list[float]:
+    """What the twin leaves with each of `some` values of the parameters of `leaf`."""
+    rows = np.tile(none.vector, (len(some), 1))
+    rows[:, [c.problem.table.index(n) for n in leaf.parameters]] = some
+    spread = spread_of(c, none.white)
+    return [replay_cost(c, answer, spread) for answer in c.problem.answers(rows)]
