@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.compiled import compiled
 from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import AtSync
 
@@ -75,27 +76,37 @@ def _late(
 ) -> tuple[Flags, Flags]:
     """Which frames sent at `sent` (K,) are late, for their kick is in what is `left` (N,) at `t` (N,), and
     which nobody can tell, for noise would hide it."""
-    step = np.diff(left)
-    late, untold = np.zeros(len(sent), dtype=bool), np.zeros(len(sent), dtype=bool)
-    shapes = [np.diff(k) for k in kicks]
-    first = np.searchsorted(t, sent)
+    first = np.maximum(np.searchsorted(t, sent) - 1, 0)
     last = np.searchsorted(t, sent + LASTS * cycle_s)
+    step, shapes = np.diff(left), np.diff(np.array(kicks), axis=1)
+    late, untold = np.zeros(len(sent), dtype=bool), np.zeros(len(sent), dtype=bool)
     for _ in range(ROUNDS):
-        before = late.copy()
         noise = (1.4826 * float(np.median(np.abs(step)))) ** 2
-        for k in range(len(sent)):
-            part = slice(max(first[k] - 1, 0), last[k])
-            d = shapes[k % APART][part]
-            own = float(d @ d)
-            there = step[part] + (d if late[k] else 0.0)
-            along = float(there @ d)
-            is_late = (
-                own > 0.0 and ONE[0] < along / own < ONE[1] and along**2 > 2.0 * SURE * noise * own
-            )
-            if is_late != late[k]:
-                step[part] += d if late[k] else -d
-                late[k] = is_late
-            untold[k] = not is_late and own < 2.0 * TOLD * noise
-        if np.array_equal(late, before):
+        if not _asked(step, shapes, first, last, noise, late, untold):
             break
     return late, untold
+
+
+@compiled
+def _asked(step, shapes, first, last, noise, late, untold):  # type: ignore[no-untyped-def]
+    """Ask each frame once: whether its kick, of those in `shapes` (APART, N - 1) between `first` and `last`
+    (K,), is in `step` (N - 1,), from which those of late ones are taken. True if any has changed."""
+    changed = False
+    for k in range(len(first)):
+        d = shapes[k % APART]
+        own, along = 0.0, 0.0
+        for i in range(first[k], min(last[k], len(step))):
+            own += d[i] * d[i]
+            along += (step[i] + (d[i] if late[k] else 0.0)) * d[i]
+        is_late = (
+            own > 0.0
+            and ONE[0] * own < along < ONE[1] * own
+            and along * along > 2.0 * SURE * noise * own
+        )
+        if is_late != late[k]:
+            for i in range(first[k], min(last[k], len(step))):
+                step[i] += d[i] if late[k] else -d[i]
+            late[k] = is_late
+            changed = True
+        untold[k] = not is_late and own < 2.0 * TOLD * noise
+    return changed

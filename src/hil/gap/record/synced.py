@@ -7,12 +7,14 @@ tick and is early again. A position shows that in proportion to its speed.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.compiled import compiled
 from hil.gap.record.fineness import CLEARER, fineness, quiet
 from hil.gap.record.latecomers import Synced, with_latecomers
 from hil.gap.record.problem import Problem, Series
@@ -111,20 +113,39 @@ class _Late:
     tick_s: float
 
     def size(self, rates: Array, places: Array) -> Array:
-        """(R, P) mean square that is left beside such rates (R,) and places of ticks (P,), in ticks."""
-        run_off = rates[:, None, None] * (self.t - self.origin_s) / self.tick_s
-        late = np.mod(places[None, :, None] + run_off - self.t / self.tick_s, 1.0) - 0.5
-        return self._rest(self.left + self.tick_s * self.speed * late)
+        """(R, P) mean square that is left beside such rates (R,) and places of ticks (P,), in ticks, and the
+        constant delay that leaves least."""
+        out = np.empty((len(rates), len(places)))
+        since = self.t - self.origin_s
+        _left_beside(
+            since, self.t / self.tick_s, self.left, self.speed, self.tick_s, rates, places, out
+        )
+        return out
 
     @property
     def plain(self) -> float:
         """Mean square that is left beside a drive without ticks."""
-        return float(self._rest(self.left))
+        share = self.left @ self.speed / max(float(self.speed @ self.speed), 1e-300)
+        return float(np.mean((self.left - share * self.speed) ** 2))
 
-    def _rest(self, left: Array) -> Array:
-        """Mean squares (...,) of what is `left` (..., N) beside the constant delay that leaves least."""
-        share = left @ self.speed / max(float(self.speed @ self.speed), 1e-300)
-        return np.asarray(np.mean((left - share[..., None] * self.speed) ** 2, axis=-1))
+
+@compiled
+def _left_beside(since, ticks, left, speed, tick_s, rates, places, out):  # type: ignore[no-untyped-def]
+    """Fill `out` (R, P) as `_Late.size`, of samples `since` s after the clock's start, `ticks` of it on."""
+    count = len(left)
+    power = max(np.sum(speed * speed), 1e-300)
+    rest = np.empty(count)
+    for r in range(len(rates)):
+        for p in range(len(places)):
+            along = 0.0
+            for i in range(count):
+                turned = places[p] + rates[r] * since[i] / tick_s - ticks[i]
+                rest[i] = left[i] + tick_s * speed[i] * (turned - math.floor(turned) - 0.5)
+                along += rest[i] * speed[i]
+            total = 0.0
+            for i in range(count):
+                total += (rest[i] - along / power * speed[i]) ** 2
+            out[r, p] = total / count
 
 
 def _ticks(problem: Problem, x: Series, predicted: Array) -> Ticks | None:
