@@ -129,7 +129,9 @@ def test_what_a_leading_sensor_errs_by_moves_the_twin(
     column = fill_bank(problem, problem.base, base, [leaf]).columns[:, 0]
     row = np.array(problem.base)
     row[problem.table.index(name)] = value
-    assert column == pytest.approx(problem.answers(row)[0] - base, abs=1e-9)
+    (moved,) = problem.changes(np.array([row]), problem.base, base)
+    assert column == pytest.approx(moved, abs=1e-9)
+    assert moved == pytest.approx(problem.answers(row)[0] - base, abs=5e-6)
     (x,) = (x for x in problem.series if x.signal == "axis.position")
     travel = float(np.ptp(base[x.part]))
     own = {"offset": value, "scale": 0.02 * travel, "delay": 1e-3 * travel * 2 * np.pi * 0.8}

@@ -116,14 +116,15 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
         for k in range(len(fits))
     ]
     costs = np.array(shared)
-    for k, held in _asked_for(c, fits):
+    asked_for = _asked_for(c, fits)
+    for k, held in asked_for:
         costs[k] = max(costs[k], *costs[held])
     logs = likely + costs
     real = np.array([bool(f.leaves) for f in fits])
     unit = max(1.0, RELATIVE * float(logs.max() - logs[~real].max()))
     told = np.array([np.sum(_felt(c, f, loose) < TOLD) for f in fits])
-    for k, held in _peaks(fits, logs):
-        told[k] = min(told[held])
+    for k, held in (*_peaks(fits, logs), *asked_for):
+        told[k] = min(told[k], *told[held])
     ends = np.array([len(f.at_bound) for f in fits])
     less = np.array(
         [
@@ -178,7 +179,7 @@ def explains_better(c: Calibrated, fits: Sequence[Fit], others: Sequence[Fit]) -
 
 def _asked_for(c: Calibrated, fits: Sequence[Fit]) -> list[tuple[int, list[int]]]:
     """Numbers of the laws of friction that leave no gap where every simpler one that they hold leaves one,
-    with those: their freedom is asked for."""
+    with those: their freedom is asked for, and nothing against them."""
     ratio = [largest_ratio(c, f) for f in fits]
     out = []
     for k in range(len(fits)):

@@ -309,8 +309,8 @@ def sensitivities(c: Calibrated, vector: Array, answer: Array, names: Sequence[s
         row[i] = min(max(p.from_search(x + step), p.lower), p.upper)
         rows.append(row)
         spans.append(p.to_search(float(row[i])) - x)
-    changes = problem.changes(np.array(rows), vector, answer)
-    change = np.where(np.isfinite(changes), changes, 0.0).T
+    answers = problem.answers(np.array(rows))
+    change = np.where(np.isfinite(answers), answers - answer, 0.0).T
     span = np.array([s if s != 0.0 else 1.0 for s in spans])
     return np.asarray(c.noise.whiten(problem, change) / span)
 

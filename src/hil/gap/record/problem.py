@@ -293,9 +293,9 @@ class Problem:
             rows.append(shared)
         if rows:
             start = self.predict(vector)[0] if base is None else base
-            changes = self.changes(np.array(rows), vector, start)
+            flat = self.answers(np.array(rows))
             for k, row_of, span, own in places:
-                change = changes[row_of] / span
+                change = (flat[row_of] - start) / span
                 out[:, k] = change if own is None else np.where(own, change, 0.0)
         return out
 
