@@ -24,18 +24,20 @@ def turns(rate: Array, drive: Array, creep: float) -> Array:
 
 
 @compiled
-def rolls(rate, acceleration, drive, creep, radius, dt_s):  # type: ignore[no-untyped-def]
+def rolls(
+    rate: Array, acceleration: Array, drive: Array, creep: float, radius_m: float, dt_s: float
+) -> Array:
     """(N,) rate, rad/s, at which a wheel rolls that turns at `rate`, speeding up by `acceleration` (rad/s²).
 
-    `drive` (N,): what it would drive with, m/s², did it not creep. What it creeps by it does not speed up by,
-    so that it drives with less: r (1 + creep (drive + radius (r' - acceleration))) = rate, solved for r with
-    the rest straight between samples, `dt_s` apart.
+    `drive` (N,): what it would drive with, m/s², did it not creep; `creep` in s²/m. What it creeps by it does
+    not speed up by, so that it drives with less: r + creep rate (drive + radius_m (r' - acceleration)) is the
+    rate, solved for r with the rest straight between samples, `dt_s` apart.
     """
     out = np.empty_like(rate)
     before = 0.0
     for k in range(len(rate)):
-        late_s = creep * radius * abs(rate[k])
-        meant = rate[k] - creep * rate[k] * (drive[k] - radius * acceleration[k])
+        late_s = creep * radius_m * abs(rate[k])
+        meant = rate[k] - creep * rate[k] * (drive[k] - radius_m * acceleration[k])
         if k == 0 or late_s < 1e-9:
             out[k] = rate[k] * (1.0 - creep * drive[k])
         else:

@@ -88,10 +88,10 @@ class RideEffects:
         creeps = self.values[CREEP]
         if creeps == 0.0:
             return told
-        radius, mass = float(bicycle.p[ROLLING]), float(np.sum(bicycle.body[:, 0]))
-        drive = ride(bicycle, told, start).drive_torque / (radius * mass)
+        radius_m, mass_kg = float(bicycle.p[ROLLING]), float(np.sum(bicycle.body[:, 0]))
+        drive = ride(bicycle, told, start).drive_torque / (radius_m * mass_kg)
         turns, speeds_up = told.rate[:, 1].copy(), told.acceleration[:, 1].copy()
-        rolled = rolls(turns, speeds_up, drive, creeps, radius, told.dt_s)
+        rolled = rolls(turns, speeds_up, drive, creeps, radius_m, told.dt_s)
         angle, rate, acceleration = (x.copy() for x in (told.angle, told.rate, told.acceleration))
         angle[:, 1] -= cumulative_trapezoid(turns - rolled, dx=told.dt_s, initial=0.0)
         rate[:, 1] = rolled

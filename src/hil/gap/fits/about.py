@@ -17,6 +17,7 @@ from hil.sim.parameters import ParameterTable
 Array = NDArray[np.float64]
 
 TURNS: Final = 2
+"""In which starts about one are tried: a spring's stiffness, then what else it has."""
 RUGGED: Final = (".gap", ".delay", ".rate")
 ABOUT: Final = (0.6, 0.75, 0.87, 1.15, 1.3, 1.5)
 """Times the start, from the parameter's neutral value."""

@@ -1,7 +1,7 @@
-"""A twin with longer ticks, for what candidates do: differences of answers, of which two digits are enough.
+"""A twin with longer ticks, for what candidates do: differences of answers, of which two digits are plenty.
 
 A drive's speed loop runs far faster than anything of the rig moves. What a change of a parameter does to the
-answers is within some per cent the same where the loop runs at half its rate, and costs half as much. What a
+answers is within a tenth the same where the loop runs at half its rate, and costs half as much. What a
 record is held against, and every fit, is never answered so. Nor is what stands beside transmissions that
 give or have play, where the loop holds a motor alone, light and fast; nor what is late by less than a tick.
 """

@@ -20,6 +20,7 @@ from hil.gap.record.ticks import AtSync
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
 Synced = dict[tuple[int, str], AtSync]
 
 APART: Final = 8
@@ -88,7 +89,15 @@ def _late(
 
 
 @compiled
-def _asked(step, shapes, first, last, noise, late, untold):  # type: ignore[no-untyped-def]
+def _asked(
+    step: Array,
+    shapes: Array,
+    first: Indices,
+    last: Indices,
+    noise: float,
+    late: Flags,
+    untold: Flags,
+) -> bool:
     """Ask each frame once: whether its kick, of those in `shapes` (APART, N - 1) between `first` and `last`
     (K,), is in `step` (N - 1,), from which those of late ones are taken. True if any has changed."""
     changed = False

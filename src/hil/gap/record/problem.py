@@ -12,6 +12,7 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -103,7 +104,6 @@ class Problem:
                 series.append(Series(name, s, slice(size, size + count)))
                 size += count
             self.jobs.append(self.job(piece))
-        self._coarse_jobs: list[Replay] = []
         self._coarse_base: tuple[bytes, Array] | None = None
         self.series: tuple[Series, ...] = tuple(series)
         if not series:
@@ -223,7 +223,7 @@ class Problem:
     def changes(self, vectors: Array, vector: Array, base: Array) -> Array:
         """(B, N) by how much the answers for B vectors differ from those for `vector`, which are `base`: of
         a twin with longer ticks where that tells as much (`hil.gap.record.coarse`)."""
-        jobs = self._coarse()
+        jobs = self._coarse_jobs
         coarse = tells(self.table, vectors, vector) if jobs else np.zeros(len(vectors), dtype=bool)
         out = np.empty((len(vectors), self.size))
         if coarse.any():
@@ -235,12 +235,11 @@ class Problem:
             out[~coarse] = self.answers(vectors[~coarse]) - base
         return out
 
-    def _coarse(self) -> list[Replay]:
+    @cached_property
+    def _coarse_jobs(self) -> list[Replay]:
         """The stretches packed for a twin with longer ticks; none where the rig's are as long as may be."""
         rig = coarser(self.rig)
-        if rig is not None and not self._coarse_jobs:
-            self._coarse_jobs = [self.job(piece, rig) for piece in self.pieces]
-        return self._coarse_jobs
+        return [] if rig is None else [self.job(piece, rig) for piece in self.pieces]
 
     def predict(self, vectors: Array) -> Array:
         """`answers`; IdentificationError where the twin cannot stand with the first of `vectors`."""
@@ -292,10 +291,11 @@ class Problem:
             places += [(k, len(rows), span, own) for k, span, own in late]
             rows.append(shared)
         if rows:
-            start = self.predict(vector)[0] if base is None else base
-            flat = self.answers(np.array(rows))
+            at = base is None
+            flat = self.predict(np.array([vector, *rows] if at else rows))
+            start = flat[0] if base is None else base
             for k, row_of, span, own in places:
-                change = (flat[row_of] - start) / span
+                change = (flat[row_of + at] - start) / span
                 out[:, k] = change if own is None else np.where(own, change, 0.0)
         return out
 

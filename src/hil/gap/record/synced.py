@@ -130,8 +130,18 @@ class _Late:
 
 
 @compiled
-def _left_beside(since, ticks, left, speed, tick_s, rates, places, out):  # type: ignore[no-untyped-def]
-    """Fill `out` (R, P) as `_Late.size`, of samples `since` s after the clock's start, `ticks` of it on."""
+def _left_beside(
+    since: Array,
+    ticks: Array,
+    left: Array,
+    speed: Array,
+    tick_s: float,
+    rates: Array,
+    places: Array,
+    out: Array,
+) -> None:
+    """Fill `out` (R, P) as `_Late.size` says, of samples `since` (N,) s after the clock's start, at `ticks`
+    (N,) of it."""
     count = len(left)
     power = max(np.sum(speed * speed), 1e-300)
     rest = np.empty(count)

@@ -11,7 +11,7 @@ import numpy as np
 from hil.gap.catalogue.nature import LIMITS
 from hil.gap.fits.evidence import ALIKE, distance
 from hil.gap.fits.fit import fit
-from hil.gap.fits.fitted import Calibrated, Fit, loss, replay_cost, spread_of
+from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.frames import fit_lost_frames
 from hil.gap.fits.friction import is_itself, may_join
@@ -20,6 +20,7 @@ from hil.gap.fits.shares import RARE, above_noise, explained, most_left
 from hil.gap.fits.starts import changes_of, relative
 from hil.gap.record.leaf import Leaf
 from hil.gap.search.linear import Proposal, Search
+from hil.gap.search.replayed import left_by
 
 Report = Callable[[str], None]
 
@@ -110,9 +111,7 @@ def _limited(c: Calibrated, head: Fit, leaves: Sequence[Leaf], say: Report) -> l
             continue
         limit, knee = leaf.parameters
         values = [s.columns[0][limit] for s in leaf.starts]
-        rows = np.tile(head.vector, (len(values), 1))
-        rows[:, c.problem.table.index(limit)] = values
-        costs = [replay_cost(c, a, spread) for a in c.problem.answers(rows)]
+        costs = left_by(c, head, [limit], [(value,) for value in values])
         best = int(np.argmin(costs))
         if costs[best] < least:
             least, found = costs[best], (leaf, {limit: values[best], knee: 0.0})

@@ -97,11 +97,11 @@ def least_left(c: Calibrated, none: Fit, leaf: Leaf) -> dict[str, float]:
     else:
         a = next(x for x in c.problem.rig.actuators if x.name == leaf.location)
         some = [(*spring(a, f), 0.0) for f in SWINGS_HZ]
-    left = _left(c, none, leaf, some)
+    left = left_by(c, none, leaf.parameters, some)
     if leaf.effect not in (*FLANKS, *LIMITS):
         near = [some[k] for k in np.argsort(left)[:NEAREST]]
         harder = [(k, d, h) for k, d, _ in near for h in HARDER]
-        some, left = [*some, *harder], [*left, *_left(c, none, leaf, harder)]
+        some, left = [*some, *harder], [*left, *left_by(c, none, leaf.parameters, harder)]
     best = int(np.argmin(left))
     unmoved = c.problem.measured - none.residual
     if left[best] >= replay_cost(c, unmoved, spread_of(c, none.white)):
@@ -109,9 +109,11 @@ def least_left(c: Calibrated, none: Fit, leaf: Leaf) -> dict[str, float]:
     return dict(zip(leaf.parameters, some[best], strict=True))
 
 
-def _left(c: Calibrated, none: Fit, leaf: Leaf, some: Sequence[tuple[float, ...]]) -> list[float]:
-    """What the twin leaves with each of `some` values of the parameters of `leaf`."""
-    rows = np.tile(none.vector, (len(some), 1))
-    rows[:, [c.problem.table.index(n) for n in leaf.parameters]] = some
-    spread = spread_of(c, none.white)
+def left_by(
+    c: Calibrated, f: Fit, names: Sequence[str], some: Sequence[tuple[float, ...]]
+) -> list[float]:
+    """What the twin of a fit leaves with each of `some` values of the parameters `names` in its place."""
+    rows = np.tile(f.vector, (len(some), 1))
+    rows[:, [c.problem.table.index(n) for n in names]] = some
+    spread = spread_of(c, f.white)
     return [replay_cost(c, answer, spread) for answer in c.problem.answers(rows)]
