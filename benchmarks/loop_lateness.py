@@ -30,13 +30,13 @@ from benchmarks.figure import Options, Table
 from benchmarks.rigs import profiles, variant
 from hil.bus.hub import Hub
 from hil.bus.port import open_port
-from hil.bus.timerfd import Timer
 from hil.cli.demo import free_port
 from hil.client import RigClient
 from hil.config import RigFile
 from hil.configfile import rig_toml
 from hil.control.demo_ride import DemoRide
 from hil.daemon.gateway.options import GatewayOptions
+from hil.daemon.latency import bare_loop
 from hil.daemon.realtime import PRIORITY, request_fifo
 from hil.daemon.run import run_rig
 from hil.drives.profile import LustProfile
@@ -65,42 +65,15 @@ class Lateness:
 # the bare loop
 
 
-async def bare_loop(period_s: float, duration_s: float) -> Lateness:
-    """Wake every `period_s` for `duration_s`; lateness is from the due instant to the callback."""
-    loop = asyncio.get_running_loop()
-    cycles = max(1, round(duration_s / period_s))
-    late_us = np.empty(cycles)
-    done = loop.create_future()
-    first_s = time.monotonic() + 2 * period_s
-    due = woken = 0
-
-    def expired() -> None:
-        nonlocal due, woken
-        now_s = time.monotonic()
-        if woken < cycles:  # of periods slept through, the first one tells how late this wake is
-            late_us[woken] = (now_s - (first_s + due * period_s)) * 1e6
-            woken += 1
-        due += timer.expirations()
-        if due >= cycles and not done.done():
-            done.set_result(None)
-
-    with Timer() as timer:
-        timer.arm_every(first_s, period_s)
-        loop.add_reader(timer, expired)
-        try:
-            await done
-        finally:
-            loop.remove_reader(timer)
-    return Lateness(period_s, late_us[:woken], due - woken)
-
-
 def measure_bare(period_s: float, duration_s: float) -> Lateness:
     """The bare loop with the garbage collector at rest, as in the control process."""
     gc.collect()
     gc.freeze()
     gc.disable()
     try:
-        return asyncio.run(bare_loop(period_s, duration_s))
+        return Lateness(
+            period_s, *asyncio.run(bare_loop(period_s, max(1, round(duration_s / period_s))))
+        )
     finally:
         gc.enable()
         gc.unfreeze()

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 
 from hil.bus.hub import Hub
 from hil.cli.app import app
-from hil.daemon.latency import Latency, measure_latency
+from hil.daemon.latency import Latency, bare_loop, measure_latency
 from hil.errors import BusError
 from hil.ui.latency_report import figures, latency_figure
 
@@ -27,9 +28,19 @@ def made(*late_us):
 
 def test_each_wake_is_measured_and_none_is_early():
     measured = measure_latency(0.002, 0.3, None, 500_000)
-    assert measured.late_us.size + measured.overruns >= 150
+    assert measured.late_us.size + measured.overruns == 150
     assert measured.late_us.min() >= 0.0
     assert not measured.round_trip_us.size
+
+
+def test_a_last_wake_after_the_end_counts_no_cycle_that_nobody_asked_for():
+    async def late():
+        asyncio.get_running_loop().call_later(0.05, time.sleep, 0.15)
+        return await bare_loop(0.002, 50)
+
+    late_us, overruns = asyncio.run(late())
+    assert late_us.size + overruns == 50
+    assert late_us[-1] > 1e5
 
 
 def test_bands_are_those_of_the_limits():

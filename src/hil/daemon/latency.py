@@ -67,7 +67,7 @@ def measure_latency(cycle_s: float, seconds: float, bus: str | None, bitrate_bps
     garbage.settle()
     garbage.arm()
     try:
-        late_us, overruns = asyncio.run(_loop(cycle_s, max(2, round(seconds / cycle_s))))
+        late_us, overruns = asyncio.run(bare_loop(cycle_s, max(2, round(seconds / cycle_s))))
         trips = np.empty(0)
         if bus is not None:
             with RigLock("latency", bus):
@@ -79,7 +79,12 @@ def measure_latency(cycle_s: float, seconds: float, bus: str | None, bitrate_bps
     return Latency(cycle_s, late_us, overruns, rights, load, trips)
 
 
-async def _loop(cycle_s: float, cycles: int) -> tuple[NDArray[np.float64], int]:
+async def bare_loop(cycle_s: float, cycles: int) -> tuple[NDArray[np.float64], int]:
+    """Wake every `cycle_s` without other work: lateness of the wakes, µs, and cycles slept through.
+
+    Both together are `cycles`. Lateness is from the due instant to the callback; of cycles slept through,
+    the first one tells how late the wake that ends them is.
+    """
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()
     late_us = np.empty(cycles)
@@ -90,8 +95,9 @@ async def _loop(cycle_s: float, cycles: int) -> tuple[NDArray[np.float64], int]:
         def expired() -> None:
             nonlocal woken, due
             now_s = time.monotonic()
-            late_us[woken] = (now_s - (first_s + due * cycle_s)) * 1e6
-            woken += 1
+            if due < cycles:
+                late_us[woken] = (now_s - (first_s + due * cycle_s)) * 1e6
+                woken += 1
             due += timer.expirations()
             if due >= cycles and not done.done():
                 done.set_result(None)
@@ -102,7 +108,7 @@ async def _loop(cycle_s: float, cycles: int) -> tuple[NDArray[np.float64], int]:
             await done
         finally:
             loop.remove_reader(timer)
-    return late_us[:woken], due - woken
+    return late_us[:woken], cycles - woken  # the last wake may be later than all that was asked for
 
 
 def _round_trips(bus: str, bitrate_bps: int, seconds: float) -> NDArray[np.float64]:
