@@ -88,6 +88,34 @@ def test_starts_that_lie_apart_from_run_to_run_are_told_by_positions(late_s, tol
     np.testing.assert_allclose(found, told_s, atol=1e-5)
 
 
+@pytest.mark.parametrize("at_sync", [True, False], ids=["sync", "ticks"])
+def test_ticks_that_lie_apart_from_run_to_run_are_told_by_positions(at_sync):
+    """A drive that was switched off between two runs: its clock stands elsewhere in the bus's cycle."""
+    rng = np.random.default_rng(5)
+    wait_s = (-1e-4, 1e-4)
+    pieces = []
+    for k, by_s in enumerate(wait_s):
+        due = np.arange(0.0, 8.0, FAST.bus.cycle)
+        told = 0.1 * np.sin(2.0 * np.pi * (0.6 + 0.3 * k) * due) * np.clip(due, 0.0, 1.0)
+        stamps = dict.fromkeys(("axis.position", "axis.force"), due + FAST.bus.answer_delay)
+        sent = due + 5e-5 * rng.standard_normal(len(due))
+        acts = due if at_sync else acting(FAST, sent, Ticks(2e-4, 0.0, 0.0))
+        answers = Twin(FAST, smooth=True).replay({"axis": (acts + by_s, told)}, stamps)
+        noise = {"axis.position": 1e-6, "axis.force": 4.0}
+        samples = {
+            s: (t, answers[s] + noise[s] * rng.standard_normal(len(t))) for s, t in stamps.items()
+        }
+        pieces.append(Stretch(f"run{k}", {"axis": (sent, told)}, samples))
+    problem = Problem(FAST, pieces)
+    left = problem.with_clocks(find_clocks(problem)).residual(problem.base)
+    lags = []
+    for x in problem.series:
+        if x.quantity == "position":
+            speed = np.gradient(problem.measured[x.part], problem.t_s[x.part])
+            lags.append(-float(left[x.part] @ speed) / float(speed @ speed))
+    assert abs(lags[1] - lags[0]) < 1e-5
+
+
 def test_frames_that_are_late_alone_are_counted_once_and_skipped_cycles_are_skipped():
     """One half a cycle late and the next a little: rounded one by one they are a cycle too many."""
     rng = np.random.default_rng(5)

@@ -16,17 +16,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from statistics import fmean
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.gap.record.apart import apart
 from hil.gap.record.fineness import CLEARER, fine_structure, fineness
 from hil.gap.record.latecomers import SURE, Synced
 from hil.gap.record.problem import Problem
 from hil.gap.record.started import started
 from hil.gap.record.synced import at_sync
-from hil.gap.record.ticks import Clocks, Ticks
+from hil.gap.record.ticks import AtSync, Clocks, Ticks
 from hil.identify.jumps import fewest_jumps
 
 Array = NDArray[np.float64]
@@ -63,9 +65,10 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
         return started(problem, beside)
     if bus.schedule == "fast":
         synced = at_sync(problem, beside)
-        if bus.interpolation == "hold":
-            return synced
-        return synced | _as_clear(problem, _at_ticks(problem, beside), synced, beside)
+        found: dict[tuple[int, str], Ticks | AtSync] = dict(synced)
+        if bus.interpolation != "hold":
+            found |= _as_clear(problem, _at_ticks(problem, beside), synced, beside)
+        return apart(problem, found, beside, bus.position_loop, fmean)
     if bus.position_loop <= bus.speed_loop or bus.interpolation == "hold":
         return {}
     vector = _delayed(problem) if vector is None else vector

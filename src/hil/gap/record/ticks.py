@@ -37,6 +37,10 @@ class Ticks:
         """The same ticks, where these lie `by_s` earlier beside whole periods."""
         return replace(self, phase_s=self.phase_s - self.rate * by_s)
 
+    def delayed(self, by_s: float) -> Ticks:
+        """The same ticks, at which the same frames act `by_s` later."""
+        return replace(self, phase_s=self.phase_s + by_s, late_s=self.late_s + by_s)
+
 
 @dataclass(frozen=True, slots=True)
 class AtSync:
@@ -51,6 +55,12 @@ class AtSync:
     """When those were sent of which nothing tells whether they do, s."""
     share: float = 0.0
     """Of the frames that are told, that of the late ones: those untold are as late as that on average."""
+    wait_s: float = 0.0
+    """By how much setpoints act later than the rig file's setpoint delay after SYNC."""
+
+    def delayed(self, by_s: float) -> AtSync:
+        """The same drive, at which all acts `by_s` later."""
+        return replace(self, wait_s=self.wait_s + by_s)
 
     def drawn(self, rng: np.random.Generator) -> AtSync:
         """The same drive, with untold frames that are late by chance."""
@@ -80,7 +90,7 @@ def acting(rig: RigFile, t_sent: Array, ticks: Ticks | AtSync | None) -> Array:
     if isinstance(ticks, AtSync):
         late = np.isin(t_sent, ticks.late) + ticks.share * np.isin(t_sent, ticks.untold)
         sent = np.maximum.accumulate(ticks.regular(t_sent) + rig.bus.position_loop * late)
-        return acting(rig, sent, ticks.ticks)
+        return acting(rig, sent, ticks.ticks) + ticks.wait_s
     if rig.bus.retimed:  # the first frame starts the drive's clock, and all act by that
         return np.asarray(t_sent + ticks.late_s)
     tick, delay = rig.bus.position_loop, rig.bus.setpoint_delay
