@@ -182,9 +182,10 @@ def test_a_steer_that_is_told_too_large_may_be_tyres_and_one_too_small_is_its_sc
         return run_of(ride, lambda table: table.assign(steer=table["steer"] * scale))
 
     found = diagnose_rides([told(1.1)], NOMINAL)
-    assert found.verdict == "unknown"
+    assert found.verdict == "identified"
     assert "tyres that slip sideways" in found.sentence
     assert (found.causes[0].effect, found.causes[0].location) == ("sensor_scale", "steer")
+    assert 0.45 < found.causes[0].probability < 0.6
     found = diagnose_rides([told(0.9)], NOMINAL)
     assert found.verdict == "identified"
     assert (found.causes[0].effect, found.causes[0].location) == ("sensor_scale", "steer")

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import hil.gap.judged.doubt as module
+from hil.gap.catalogue.sprung import stiffness_at
 from hil.gap.diagnose import consider
 from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import usually_explained
-from hil.gap.judged import constancy
+from hil.gap.judged import constancy, verdict
 from hil.gap.judged.looped import is_spring
 from hil.gap.judged.verdict import _is_unseen, usual_of
 from hil.gap.record.leaf import Leaf
@@ -97,6 +98,21 @@ def test_clocks_screws_and_loops_that_differ_as_any_do_are_no_finding(names, val
     )
     f = SimpleNamespace(leaves=leaves, names=names, values=np.array(values))
     assert [leaf.name for leaf in usual_of(f, AXIS)] == usual
+
+
+@pytest.mark.parametrize(
+    ("swings_hz", "floors", "is_frame"), [(36.0, 1.3, True), (36.0, 1.6, False), (25.0, 1.3, False)]
+)
+def test_a_spring_that_shows_no_more_than_a_frame_on_its_mounts_is_no_finding(
+    swings_hz, floors, is_frame, monkeypatch
+):
+    names = ("axis.compliance.stiffness", "axis.compliance.damping")
+    leaf = Leaf("compliance", "axis", names, (), None)
+    values = np.array([stiffness_at(AXIS.actuators[0], swings_hz), 3e3])
+    f = SimpleNamespace(leaves=(leaf,), names=names, values=values)
+    monkeypatch.setattr(verdict, "traces", lambda c, none, f: {"imu.accel_z": floors})
+    c = SimpleNamespace(problem=SimpleNamespace(rig=AXIS))
+    assert (verdict._frame(c, None, f) == [leaf]) is is_frame
 
 
 @pytest.mark.parametrize(

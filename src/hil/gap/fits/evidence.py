@@ -291,7 +291,7 @@ def log_freedom(c: Calibrated, f: Fit, loose: float) -> float:
         at = p.to_search(value)
         away = at - p.to_search(p.neutral)
         if p.parameter not in ABSOLUTE and np.isfinite(away):
-            total -= 0.5 * float(away / (RANGE * step_size(p, at))) ** 2
+            total -= math.log1p(0.5 * float(away / (RANGE * step_size(p, at))) ** 2)
     return total - MORE * max(len(f.leaves) - 1, 0)
 
 

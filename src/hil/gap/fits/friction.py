@@ -23,6 +23,8 @@ DIRECTED: Final = "asymmetric_viscous_friction"
 FRICTION: Final = PLAIN | {PEAKED, DIRECTED, "asymmetric_friction", "load_friction", "hysteresis"}
 BESIDE: Final = frozenset({"viscous_friction", "load_friction"})
 """They may act beside another law, for they go with speed and load; the others are each other's forms."""
+APART: Final = frozenset({"coulomb_friction", "hysteresis"})
+"""These two may as well: what gives way over millimetres is no part of what slips at once."""
 FIRST: Final = 0.1
 """Of its usual size, by which viscous friction differs between directions where a fit of that begins."""
 OTHERWISE: Final = 0.25
@@ -61,6 +63,7 @@ def may_join(leaf: Leaf, others: Sequence[Leaf]) -> bool:
             and leaf.effect in FRICTION
             and x.effect in FRICTION
             and not {leaf.effect, x.effect} & BESIDE
+            and {leaf.effect, x.effect} != APART
         )
         for x in others
     )

@@ -20,7 +20,7 @@ from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import ANSWERS
 from hil.gap.fits.frames import EFFECT as LOST
-from hil.gap.fits.heldout import Score
+from hil.gap.fits.heldout import Score, traces
 from hil.gap.fits.shares import largest_ratio
 from hil.gap.judged.causes import OTHER_LAW, Shown, weighed_causes, without_doubtful
 from hil.gap.judged.clear import asked, clear, other_than_facts, signals
@@ -61,6 +61,9 @@ BESIDE: Final = 0.25
 """Chance then that what else there is is all there is."""
 HARDLY: Final = 0.05
 """Held-out shrink below which a sentence says that unseen data show little of what was found."""
+FRAME_HZ: Final = 30.0
+"""Down to which a load that swings on a spring, and moves no signal by RATIO floors, may be the frame or the
+floor that the rig stands on: two tonnes on mounts swing at 32 to 55 Hz [R]."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
@@ -129,7 +132,7 @@ def answer(
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
     share = explained_share(c, none, first, gain)
-    usual = usual_of(first, c.problem.rig)
+    usual = usual_of(first, c.problem.rig) or _frame(c, none, first)
     if len(usual) == len(first.leaves) and is_large and by_share(share, gain) > 0.5:
         return replace(_nothing_like_it(located, held_out), not_excited=not_excited(c, bank))
     if len(usual) == len(first.leaves):
@@ -218,6 +221,18 @@ def usual_of(f: Fit, rig: RigFile) -> list[Leaf]:
         return is_wave and (1.0 - OTHER_LAW) * abs(mine.get("amplitude", math.inf)) < WOBBLE_M
 
     return [leaf for leaf in f.leaves if is_usual(leaf)]
+
+
+def _frame(c: Calibrated, none: Fit, f: Fit) -> list[Leaf]:
+    """The spring that a fit is, alone, where it is no softer and shows no more than a rig's own frame."""
+    if [leaf.effect for leaf in f.leaves] != ["compliance"] or max(
+        traces(c, none, f).values()
+    ) > RATIO:
+        return []
+    (leaf,) = f.leaves
+    own = next(a for a in c.problem.rig.actuators if a.name == leaf.location)
+    stiffness = dict(zip(f.names, f.values.tolist(), strict=True))[f"{leaf.name}.stiffness"]
+    return [leaf] if stiffness > stiffness_at(own, FRAME_HZ) else []
 
 
 def _lossy(weighed: Sequence[Weighed]) -> Weighed | None:

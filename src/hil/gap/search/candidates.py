@@ -39,7 +39,7 @@ Report = Callable[[str], None]
 SINGLES: Final = 5
 """Candidates that are fitted alone."""
 MOST: Final = 9
-ALIKE: Final = 0.97
+ALIKE: Final = 0.95
 """Of the best linear gain, above which up to MOST candidates are fitted: all that it cannot tell apart."""
 FIRST: Final = 3
 WORTH: Final = 0.25
