@@ -102,6 +102,33 @@ def test_a_homing_error_of_one_leg_shows_in_all_signals_and_its_friction_in_its_
     assert moved["leg2.coulomb_friction"] == 0.0
 
 
+def test_what_candidates_do_to_another_twin_is_taken_over_but_for_effects_that_it_has():
+    (run,) = as_runs(record(duration_s=6.0), AXIS)
+    pieces = stretches(run)
+    stiff = Problem(AXIS, pieces)
+    leaves = find_leaves(stiff, stiff.base, np.zeros(stiff.size))
+    first = fill_bank(stiff, stiff.base, stiff.predict(stiff.base)[0], leaves)
+    has = effect("compliance", stiffness=2e7, damping=4e3)
+    soft = Problem(AXIS.model_copy(update={"effects": (has,)}), pieces)
+    base = soft.predict(soft.base)[0]
+    leaves = find_leaves(soft, soft.base, np.zeros(soft.size))
+    taken, own = (fill_bank(soft, soft.base, base, leaves, known) for known in (first, None))
+    was = {x.name: (x, p) for x, p in zip(first.leaves, first.places, strict=True)}
+    count = 0
+    for leaf, starts in zip(leaves, taken.places, strict=True):
+        mine = [k for cols in starts for k in cols]
+        old, place = was[leaf.name]
+        is_taken = leaf == old and leaf.effect != "compliance"
+        count += is_taken
+        source = (
+            first.columns[:, [k for cols in place for k in cols]]
+            if is_taken
+            else own.columns[:, mine]
+        )
+        np.testing.assert_array_equal(taken.columns[:, mine], source)
+    assert count > len(leaves) // 2
+
+
 def test_frames_that_some_repeats_lost_make_noise_little_louder():
     rng = np.random.default_rng(3)
     modelled, spread = rng.standard_normal((6, 4000)), np.ones(4000)

@@ -4,13 +4,15 @@ A column is the change of the twin's answer when its parameters take their finit
 because gaps and limits do nothing in the small. On rigs of many actuators one replay serves the same column
 of all of them, each judged by its own actuator's signals: what one leg's friction does to another leg is
 left to the fits that follow. Not so what puts the platform elsewhere: all signals show it. Columns of
-sensors need no replay of their own.
+sensors need no replay of their own. Those of another twin of the same record stand for this one's: columns
+say what is worth a fit, and fits have the twin itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -46,8 +48,18 @@ class _Wanted:
     key: tuple[str, int]
 
 
-def fill_bank(problem: Problem, vector: Array, base: Array, leaves: Sequence[Leaf]) -> Bank:
-    """The bank at `vector`, at which the twin answers `base` (N,)."""
+def fill_bank(
+    problem: Problem,
+    vector: Array,
+    base: Array,
+    leaves: Sequence[Leaf],
+    known: Bank | None = None,
+) -> Bank:
+    """The bank at `vector`, at which the twin answers `base` (N,).
+
+    `known`: one of another twin and the same samples, whose columns are taken for leaves that have not
+    changed, but for those of effects that this twin has.
+    """
     wanted: list[_Wanted] = []
     places = []
     for leaf in leaves:
@@ -62,7 +74,17 @@ def fill_bank(problem: Problem, vector: Array, base: Array, leaves: Sequence[Lea
             by_start.append(tuple(cols))
         places.append(tuple(by_start))
     out = np.zeros((problem.size, len(wanted)), dtype=np.float32)
-    replayed = [w for w in wanted if not _sensor_column(problem, w, base, out)]
+    has = {e.effect for e in problem.rig.effects}
+    old = _columns_of(known, [x for x in leaves if x.effect not in has], problem.size)
+    done = set()
+    for leaf, starts in zip(leaves, places, strict=True):
+        if leaf.name in old:
+            mine = list(chain(*starts))
+            out[:, mine] = old[leaf.name]
+            done.update(mine)
+    replayed = [
+        w for w in wanted if w.column not in done and not _sensor_column(problem, w, base, out)
+    ]
     groups: dict[object, list[_Wanted]] = {}
     together = len(problem.rig.actuators) >= TOGETHER_FROM
     for w in replayed:
@@ -84,6 +106,18 @@ def fill_bank(problem: Problem, vector: Array, base: Array, leaves: Sequence[Lea
                     if x.signal == own or (own is None and x.actuator == w.actuator):
                         out[x.part, w.column] = change[x.part]
     return Bank(tuple(leaves), out, tuple(places))
+
+
+def _columns_of(known: Bank | None, leaves: Sequence[Leaf], size: int) -> dict[str, Columns]:
+    """Columns (N, K) of those of `leaves` that are in the bank `known` as they are, by name."""
+    if known is None or len(known.columns) != size:
+        return {}
+    now = {x.name: x for x in leaves}
+    return {
+        x.name: known.columns[:, list(chain(*by_start))]
+        for x, by_start in zip(known.leaves, known.places, strict=True)
+        if now.get(x.name) == x
+    }
 
 
 def _changed(problem: Problem, vector: Array, group: Sequence[_Wanted]) -> Array:

@@ -40,7 +40,10 @@ def begin(
     return replace(c, vector=none.vector, residual=none.residual, white=none.white, z=none.z), none
 
 
-def candidates_of(c: Calibrated, none: Fit, without: Collection[str]) -> Bank:
-    """What each candidate would do, but those of effects `without`."""
+def candidates_of(
+    c: Calibrated, none: Fit, without: Collection[str], known: Bank | None = None
+) -> Bank:
+    """What each candidate would do, but those of effects `without`; most of it as in `known`, the bank of
+    another twin and the same samples."""
     leaves = find_leaves(c.problem, none.vector, none.residual, without)
-    return fill_bank(c.problem, none.vector, c.problem.measured - none.residual, leaves)
+    return fill_bank(c.problem, none.vector, c.problem.measured - none.residual, leaves, known)

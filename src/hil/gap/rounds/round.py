@@ -92,8 +92,11 @@ class Glimpse:
     """Whether it leaves nothing to find."""
 
 
-def considered(q: Question, located: Located, parts: Split | None = None) -> Considered:
-    """What explains what was located; fits see the samples of `parts`, where they are given."""
+def considered(
+    q: Question, located: Located, parts: Split | None = None, known: Bank | None = None
+) -> Considered:
+    """What explains what was located; fits see the samples of `parts`, where they are given. `known`: what
+    candidates do to another twin of the same record."""
     e = located.evidence
     whole = e.problem
     parts = parts or split(whole, e.noise, e.residual)
@@ -101,7 +104,7 @@ def considered(q: Question, located: Located, parts: Split | None = None) -> Con
     steps = {} if "sensor_quantisation" in q.without else coarse_steps(whole, e.residual)
     c, none = begin(e, parts, chosen, steps, q.seed)
     q.say("computing what each candidate would do")
-    bank = candidates_of(c, none, q.without)
+    bank = candidates_of(c, none, q.without, known)
     is_large = stands(located, c, none)
     fits = fit_candidates(c, none, bank, is_large, q.without, q.say)
     calm = calmed(located, c, fits, q.seed)

@@ -42,7 +42,7 @@ def with_usual(q: Question, mine: Considered) -> Considered:
         effects = (*(x for x in old if (x.effect, x.location) not in known), *own)
         twin = mine.rig.model_copy(update={"effects": effects})
         had = [x for x in mine.usual if (x.effect, x.location) not in known]
-        other = considered(q, q.locate(twin, clocks), mine.parts)
+        other = considered(q, q.locate(twin, clocks), mine.parts, mine.bank)
         mine = replace(other, usual=(*had, *own))
     return mine
 
