@@ -15,6 +15,7 @@ from hil.gap.fits.shares import usually_explained
 from hil.gap.judged import constancy, verdict
 from hil.gap.judged.looped import is_spring
 from hil.gap.judged.verdict import _is_unseen, usual_of
+from hil.gap.located.result import Place
 from hil.gap.record.leaf import Leaf
 from tests.gap.twin_runs import AXIS, record
 
@@ -196,3 +197,18 @@ def test_between_impacts_a_gap_is_explained_whatever_the_impacts_leave():
     none, fit = SimpleNamespace(residual="none"), SimpleNamespace(residual="fit")
     assert usually_explained(c, none, fit) == pytest.approx(1.0 - 0.69 / 12.24, abs=1e-3)
     assert usually_explained(c, none, none) == 0.0
+
+
+@pytest.mark.parametrize(("rms", "is_gap"), [(0.08, False), (0.15, True)])
+def test_a_slow_force_that_is_a_trifle_of_the_rigs_own_friction_is_no_gap_alone(rms, is_gap):
+    """Beside the little noise that a slow band has, any force towers."""
+    drag_n = rms * AXIS.actuators[0].coulomb
+    place = Place(
+        "axis.force", (0.0, 0.3), "everywhere", 0.9, (0.8, 1.0), 1.0, drag_n, drag_n / 7.0
+    )
+    signal = SimpleNamespace(signal="axis.force", ratio=1.1)
+    problem = SimpleNamespace(rig=AXIS)
+    located = SimpleNamespace(
+        signals=(signal,), where=(place,), evidence=SimpleNamespace(problem=problem)
+    )
+    assert (verdict._loudest(located) is place) is is_gap

@@ -77,8 +77,10 @@ def consider(
     without: Collection[str] = (),
     seed: int = 0,
     report: Report | None = None,
+    seen: Located | None = None,
 ) -> Considered:
-    """All that `diagnose` says its verdict on; arguments as there."""
+    """All that `diagnose` says its verdict on; arguments as there. `seen`: what was located of these runs
+    already."""
     given, loaded = rig, as_runs(runs, rig)
     healthy = as_runs(references, rig)
     missing = Missing() if LOST in without else missing_answers(loaded, healthy)
@@ -98,7 +100,7 @@ def consider(
                 rig, found = early.evidence.problem.rig, early
         if found.is_gap:
             q.say("the references differ from the twin themselves: what explains that comes first")
-            first = consider(healthy, rig, without=without, seed=seed, report=report)
+            first = consider(healthy, rig, without=without, seed=seed, report=report, seen=found)
             was = first.answer(seed)
             for habit, share in first.habits:
                 rig, found = habit.twin(rig, share), first.located
@@ -112,8 +114,11 @@ def consider(
                 found = locate(healthy, rig, seed=seed)
         known = as_found(found, nuisances_of(found.evidence.problem))
         q = replace(q, healthy=found, known=tuple(known))
-    q.say("locating the gap")
-    located = q.locate(rig)
+    if seen is not None and seen.evidence.problem.rig == rig:
+        located = seen
+    else:
+        q.say("locating the gap")
+        located = q.locate(rig)
     if not healthy:
         located, usual = as_usual(q, located, may_draw=UNTOLD < nats <= CLEAR)
         habits += usual

@@ -64,6 +64,9 @@ HARDLY: Final = 0.05
 FRAME_HZ: Final = 30.0
 """Down to which a load that swings on a spring, and moves no signal by RATIO floors, may be the frame or the
 floor that the rig stands on: two tonnes on mounts swing at 32 to 55 Hz [R]."""
+WANDERS: Final = 0.1
+"""Of an actuator's own Coulomb friction, by which its slow force differs on any healthy rig: friction goes
+with place and warmth [R; 0.08 on a healthy Stewart platform of others, 0.12 and more of what was a gap]."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
@@ -190,15 +193,26 @@ def stands(located: Located, c: Calibrated, none: Fit) -> bool:
     return surely or largest_ratio(c, none) > LARGE or _loudest(located) is not None
 
 
+def _wanders(rig: RigFile) -> dict[str, float]:
+    """By signal, in its unit, what friction as a healthy rig's adds to a slow force."""
+    out = {}
+    for a in rig.actuators:
+        out[f"{a.name}.force"] = WANDERS * a.coulomb
+        out[f"{a.name}.current"] = WANDERS * a.coulomb / (a.force_per_ampere or math.inf)
+    return out
+
+
 def _loudest(located: Located) -> Place | None:
     """Of the bands of drives' signals that are gap alone, by BANDS, the one that stands highest."""
     whole = {s.signal: s.ratio for s in located.signals}
+    wanders = _wanders(located.evidence.problem.rig)
     loud = {
         p: p.rms / p.noise_floor
         for p in located.where
         if p.band_hz[1] <= SLOW_HZ
         and (p.region == "everywhere" or whole[p.signal] > BESIDES)
         and p.rms > BANDS.get(p.signal.rpartition(".")[2], math.inf) * p.noise_floor
+        and p.rms > wanders.get(p.signal, 0.0)
     }
     return max(loud, key=lambda p: loud[p], default=None)
 

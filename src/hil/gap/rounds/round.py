@@ -91,6 +91,11 @@ class Glimpse:
     may_be_nothing: bool
     """Whether it leaves nothing to find."""
 
+    def located(self, q: Question) -> Located:
+        """What it locates; with ticks looked for beside it, where there is a gap that those may be off by."""
+        seen = self.other
+        return q.locate(seen.rig) if seen.is_large else seen.located
+
 
 def considered(
     q: Question, located: Located, parts: Split | None = None, known: Bank | None = None
