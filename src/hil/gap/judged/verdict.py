@@ -64,9 +64,9 @@ HARDLY: Final = 0.05
 FRAME_HZ: Final = 30.0
 """Down to which a load that swings on a spring, and moves no signal by RATIO floors, may be the frame or the
 floor that the rig stands on: two tonnes on mounts swing at 32 to 55 Hz [R]."""
-WANDERS: Final = 0.1
+WANDERS: Final = 0.12
 """Of an actuator's own Coulomb friction, by which its slow force differs on any healthy rig: friction goes
-with place and warmth [R; 0.08 on a healthy Stewart platform of others, 0.12 and more of what was a gap]."""
+with place and warmth [R; 0.10 on a healthy Stewart platform of others, 0.15 and more of what was a gap]."""
 VISIBLE: Final = 0.3
 """Floors that a candidate of a usual size must show on some signal to be judged at all."""
 
