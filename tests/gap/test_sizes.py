@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from hil.config import Actuator
 from hil.configfile import load_rig
 from hil.gap.catalogue.leaves import SWINGS_HZ, spring
-from hil.gap.fits.evidence import RANGE
+from hil.gap.fits.evidence import RANGE, log_freedom
 from hil.gap.fits.fit import step_size
 from hil.sim.parameters import ParameterTable
 from tests.sim.rigs import pendulum
@@ -44,5 +46,20 @@ def test_what_rigs_may_have_costs_little_whatever_their_units(name: str) -> None
             away = abs(at - p.to_search(p.neutral))
             assert p.lower <= value <= p.upper, key
             assert math.isfinite(away), key
-            assert 0.5 * (away / (RANGE * step_size(p, at))) ** 2 < 1.5, key
+            assert math.log1p(0.5 * (away / (RANGE * step_size(p, at))) ** 2) < 0.92, key
             assert away > 0.05 * step_size(p, at), key
+
+
+def test_an_effect_of_many_times_its_usual_size_is_unlikely_and_not_ruled_out() -> None:
+    """A sensor on another range is off by multiples; no square of that may speak against it."""
+    c = SimpleNamespace(problem=SimpleNamespace(table=ParameterTable(RIGS["axis"])))
+
+    def cost(scale: float) -> float:
+        f = SimpleNamespace(
+            names=("axis.force.sensor_scale.scale",), values=np.array([scale]),
+            search_sd=np.array([1e-4]), leaves=(None,),
+        )  # fmt: skip
+        return -log_freedom(c, f, 1.0)
+
+    usual, double, triple = (cost(1.0 + x) - cost(1.0) for x in (0.1, 1.0, 2.0))
+    assert 0.0 < usual < 0.5 < double < triple < 5.0
