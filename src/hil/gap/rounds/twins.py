@@ -114,11 +114,10 @@ def with_guides(q: Question, mine: Considered) -> tuple[Considered, Habits]:
             break
         twin = GUIDES.twin(mine.rig, share)
         q.say(f"a glimpse of {GUIDES.step}")
-        glimpse = glimpsed(q, mine, twin)
-        if not glimpse.is_promising:
+        if not glimpsed(q, mine, twin).is_promising:
             break
         q.say(f"once more with {GUIDES.step}")
-        other = considered(q, glimpse.located(q), mine.parts, mine.bank)
+        other = considered(q, q.locate(twin), mine.parts, mine.bank)
         if _better(mine, other) is mine:
             break
         mine, found = replace(other, usual=mine.usual), [(GUIDES, share)]
@@ -137,7 +136,7 @@ def on_springs(q: Question, mine: Considered) -> tuple[Considered, Finding | Non
         if not (glimpse.is_promising or glimpse.may_be_nothing):
             break
         q.say(f"once more with transmissions that swing at {bend_hz:g} Hz")
-        other = considered(q, glimpse.located(q), mine.parts, mine.bank)
+        other = considered(q, q.locate(twin), mine.parts, mine.bank)
         is_better = _better(mine, other) is other
         is_worse = explains_better(other.calibrated, other.fits[:1], mine.fits)
         if is_springs(other.answer(q.seed), bend_hz, is_better=is_better, is_worse=is_worse):
