@@ -111,6 +111,7 @@ def test_forms_of_one_law_never_act_together_and_viscous_friction_beside_any():
     assert not may_join(leaf("coulomb_friction"), [leaf("stribeck_friction")])
     assert not may_join(leaf("hysteresis"), [leaf("asymmetric_friction")])
     assert may_join(leaf("viscous_friction"), [leaf("stribeck_friction")])
+    assert may_join(leaf("coulomb_friction"), [leaf("hysteresis")])
     assert may_join(leaf("coulomb_friction", "leg2"), [leaf("stribeck_friction", "leg1")])
     assert not may_join(leaf("viscous_friction"), [leaf("viscous_friction")])
 
@@ -144,3 +145,14 @@ def test_friction_whose_bristles_bend_is_no_hysteresis(law, parameters):
 def test_bristles_of_a_rig_s_own_friction_are_no_effect(presliding):
     found = diagnose(record(effect("coulomb_friction", presliding=presliding)), AXIS)
     assert found.verdict == "no_gap"
+
+
+def test_what_slips_at_once_is_told_beside_what_gives_way_over_millimetres():
+    both = (
+        effect("coulomb_friction", force=60.0),
+        effect("hysteresis", force=75.0, displacement=2.4e-3),
+    )
+    found = diagnose(record(*both), AXIS)
+    assert named(found) == {("coulomb_friction", "axis"), ("hysteresis", "axis")}
+    assert value(found, "coulomb_friction", "force").value == pytest.approx(60.0, rel=0.1)
+    assert value(found, "hysteresis", "force").value == pytest.approx(75.0, rel=0.1)

@@ -45,7 +45,7 @@ STUCK: Final = 6.0
 PEAKS: Final = 5.0
 """Nats by which friction with a peak at rest must explain more than without it, to have that peak."""
 RANGE: Final = 10.0
-"""Prior range of a parameter, in its own scales."""
+"""Prior range of a parameter, in its own scales, beyond which sizes become rare slowly."""
 UNUSED: Final = 0.05
 """What a parameter costs at least, as a ratio: freedom that changes nothing is no reason to choose it."""
 TOLD: Final = 0.5

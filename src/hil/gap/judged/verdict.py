@@ -64,6 +64,10 @@ HARDLY: Final = 0.05
 FRAME_HZ: Final = 30.0
 """Down to which a load that swings on a spring, and moves no signal by RATIO floors, may be the frame or the
 floor that the rig stands on: two tonnes on mounts swing at 32 to 55 Hz [R]."""
+FRAME: Final = "No gap but what swings as a rig's own frame does (above 30 Hz, within 1.5 floors)."
+USUAL: Final = (
+    "No gap but clocks, screws and loops that are off as any are (30 ppm, 8 µm, 60 Hz, 3 %)."
+)
 WANDERS: Final = 0.12
 """Of an actuator's own Coulomb friction, by which its slow force differs on any healthy rig: friction goes
 with place and warmth [R; 0.10 on a healthy Stewart platform of others, 0.15 and more of what was a gap]."""
@@ -135,12 +139,12 @@ def answer(
         return replace(found, not_excited=not_excited(c, bank))
     first, gain = weighed[0].fit, weighed[0].log_evidence - zero
     share = explained_share(c, none, first, gain)
-    usual = usual_of(first, c.problem.rig) or _frame(c, none, first)
-    if len(usual) == len(first.leaves) and is_large and by_share(share, gain) > 0.5:
-        return replace(_nothing_like_it(located, held_out), not_excited=not_excited(c, bank))
-    if len(usual) == len(first.leaves):
-        sentence = "No gap but clocks, screws and loops that are off as any are (30 ppm, 8 µm, 60 Hz, 3 %)."
-        found = replace(no_gap(located, held_out), sentence=sentence)
+    usual = usual_of(first, c.problem.rig)
+    is_frame = not usual and _is_frame(c, none, first)
+    if is_frame or len(usual) == len(first.leaves):
+        if is_large and by_share(share, gain) > 0.5:
+            return replace(_nothing_like_it(located, held_out), not_excited=not_excited(c, bank))
+        found = replace(no_gap(located, held_out), sentence=FRAME if is_frame else USUAL)
         return replace(found, not_excited=not_excited(c, bank))
     part = unseen(first)
     whole = shown.score(first, c.problem.signals)
@@ -237,16 +241,15 @@ def usual_of(f: Fit, rig: RigFile) -> list[Leaf]:
     return [leaf for leaf in f.leaves if is_usual(leaf)]
 
 
-def _frame(c: Calibrated, none: Fit, f: Fit) -> list[Leaf]:
-    """The spring that a fit is, alone, where it is no softer and shows no more than a rig's own frame."""
-    if [leaf.effect for leaf in f.leaves] != ["compliance"] or max(
-        traces(c, none, f).values()
-    ) > RATIO:
-        return []
+def _is_frame(c: Calibrated, none: Fit, f: Fit) -> bool:
+    """Whether a fit is a spring alone that is no softer and shows no more than a rig's own frame."""
+    if [leaf.effect for leaf in f.leaves] != ["compliance"]:
+        return False
     (leaf,) = f.leaves
     own = next(a for a in c.problem.rig.actuators if a.name == leaf.location)
     stiffness = dict(zip(f.names, f.values.tolist(), strict=True))[f"{leaf.name}.stiffness"]
-    return [leaf] if stiffness > stiffness_at(own, FRAME_HZ) else []
+    is_stiff = stiffness > stiffness_at(own, FRAME_HZ)
+    return is_stiff and max(traces(c, none, f).values()) <= RATIO
 
 
 def _lossy(weighed: Sequence[Weighed]) -> Weighed | None:

@@ -30,10 +30,10 @@ def apart(
     found: Clocks,
     vector: Array,
     most_s: float,
-    as_meant: Callable[[Iterable[float]], float],
+    zero_of: Callable[[Iterable[float]], float],
 ) -> dict[tuple[int, str], Ticks | AtSync]:
-    """The clocks `found`, by stretch and actuator, each later by what positions of its stretch lag beyond the
-    lag that is `as_meant` of those of its drive, s; where they lie further apart than `most_s`, as they are.
+    """The clocks `found`, by stretch and actuator, each later by what positions of its stretch lag beyond
+    `zero_of` the lags of its drive's stretches, s; where those lie further apart than `most_s`, as they are.
 
     `vector` (P,): the twin that they are looked at beside.
     """
@@ -51,7 +51,7 @@ def apart(
         told = list(by_stretch.values())
         if APART_S < max(told) - min(told) < most_s + APART_S:
             for k, lag_s in by_stretch.items():
-                out[k, a] = out[k, a].delayed(lag_s - float(as_meant(told)))
+                out[k, a] = out[k, a].delayed(lag_s - float(zero_of(told)))
     return out
 
 

@@ -136,6 +136,7 @@ def on_springs(q: Question, mine: Considered) -> tuple[Considered, Finding | Non
         if not (glimpse.is_promising or glimpse.may_be_nothing):
             break
         q.say(f"once more with transmissions that swing at {bend_hz:g} Hz")
+        # located anew: beside the stiff twin's ticks a blow is smaller than it is
         other = considered(q, q.locate(twin), mine.parts, mine.bank)
         is_better = _better(mine, other) is other
         is_worse = explains_better(other.calibrated, other.fits[:1], mine.fits)
