@@ -10,6 +10,7 @@ import pytest
 from hil.bicycle.path import slalom, u_turns
 from hil.bicycle.recorded import prepare
 from hil.bicycle.simulated import simulate_ride
+from hil.cli.gap_diagnose import all_but
 from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import IdentificationError
@@ -17,7 +18,7 @@ from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
 from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.nuisances import ride_nuisances
-from hil.gap.bicycle.strained import exceeds_calibration, held_still
+from hil.gap.bicycle.strained import exceeds_calibration, held_still, names_more
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.bicycle.verdict import leaves_as_much
 from hil.gap.bicycle.wheels import TYRES
@@ -203,7 +204,10 @@ def slow_and_fast():
 def test_rides_of_several_speeds_tell_a_steer_s_scale_from_tyres(slow_and_fast):
     def diagnosed(spoil):
         rides = [run_of(ride, spoil) for ride in slow_and_fast]
-        return diagnose_rides([replace(r, path=Path(f"{k}")) for k, r in enumerate(rides)], NOMINAL)
+        rides = [replace(r, path=Path(f"{k}")) for k, r in enumerate(rides)]
+        return diagnose_rides(
+            rides, NOMINAL, without=all_but(NOMINAL, "sensor_scale,sensor_bias,sensor_latency")
+        )
 
     found = diagnosed(lambda table: table.assign(steer=table["steer"] * 1.2))
     assert found.verdict == "identified", found.sentence
@@ -431,6 +435,33 @@ def test_a_nuisance_that_went_no_further_than_calibrations_leave_it_is_no_effect
     priors = [Nuisance("rear_wheel.wheel_radius.scale", 0.002, "1")]
     assert not exceeds_calibration(named(1.004), priors)
     assert exceeds_calibration(named(1.012), priors)
+
+
+def causes(*groups):
+    """Causes by number of class; the first of each class is an effect that was found."""
+    every = [
+        SimpleNamespace(effect=x, location="rear_wheel", group=k)
+        for k, g in enumerate(groups)
+        for x in g
+    ]
+    firsts = [next(x for x in every if x.group == k) for k in range(len(groups))]
+    return SimpleNamespace(causes=every, effects=firsts)
+
+
+def test_another_of_the_same_class_stands_for_what_was_found():
+    slips = causes(("wheel_slip", "wheel_radius"), ("sensor_latency",))
+    assert names_more(causes(("wheel_radius",), ("sensor_latency",), ("sensor_bias",)), slips)
+    assert not names_more(causes(("wheel_radius",), ("sensor_bias",), ("sensor_scale",)), slips)
+    assert not names_more(causes(("wheel_radius",), ("sensor_latency",)), slips)
+
+
+def test_a_steer_s_zero_of_two_steps_is_named_beside_a_late_lean():
+    zero = ("sensor_bias", "steer", {"offset": -0.006})
+    late = ("sensor_latency", "lean", {"delay": 0.08})
+    found = diagnose_rides([ridden(short(), 27, zero, late)], NOMINAL)
+    assert {(x.effect, x.location) for x in found.effects} == {zero[:2], late[:2]}
+    by_effect = {x.effect: x for x in found.effects}
+    assert by_effect["sensor_bias"].parameters["offset"].value == pytest.approx(-0.006, abs=0.001)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.road import slopes_of
 from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
 from hil.gap.bicycle.sets import fit_alone, fit_sets
-from hil.gap.bicycle.strained import exceeds_calibration, held_still, strained
+from hil.gap.bicycle.strained import exceeds_calibration, held_still, names_more, strained
 from hil.gap.bicycle.verdict import by_energy, is_usual, standing, twins, unsaid, with_road
 from hil.gap.bicycle.wheels import Wheels
 from hil.gap.catalogue.nature import RIDER
@@ -210,7 +210,7 @@ def _on_road(
         q.say(f"once more without what no calibration sets right: {', '.join(far)}")
         fewer = [held_still(n) if n.name.rpartition(".")[0] in far else n for n in chosen]
         named = _explained(q, located_with(fewer, problem.wheels), fewer, steps)
-        if _named(named) > _named(found) and exceeds_calibration(named, chosen):
+        if names_more(named, found) and exceeds_calibration(named, chosen):
             return named
     return found
 
@@ -310,10 +310,6 @@ def _weighed(
     if several.effects and several.effects[0].gain + MORE > found.causes[0].gain:
         return several
     return found
-
-
-def _named(found: Diagnosis) -> set[tuple[str, str]]:
-    return {(x.effect, x.location) for x in found.effects}
 
 
 def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:

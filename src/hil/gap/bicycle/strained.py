@@ -43,6 +43,15 @@ def held_still(n: Nuisance) -> Nuisance:
     return replace(n, sd=HELD * n.sd)
 
 
+def names_more(named: Diagnosis, found: Diagnosis) -> bool:
+    """Whether `named` names all that `found` does, or others of their classes, and more."""
+    said = {(x.effect, x.location) for x in named.effects}
+    alike = [
+        {(y.effect, y.location) for y in found.causes if y.group == x.group} for x in found.effects
+    ]
+    return len(said) > len(alike) and all(some & said for some in alike)
+
+
 def exceeds_calibration(named: Diagnosis, chosen: Sequence[Nuisance]) -> bool:
     """Whether each effect of `named` that is a nuisance too stands further than calibrations leave it, and
     whether none that calibrations do leave explains nearly as much as the others."""
