@@ -197,7 +197,7 @@ def slow_and_fast():
     return [
         simulate_ride(NOMINAL, slalom(60.0, 14.0, 6.0), 24, cruise=2.5, turning=2.5),
         simulate_ride(NOMINAL, slalom(120.0, 30.0, 20.0), 25, cruise=7.0, turning=7.0),
-        simulate_ride(NOMINAL, u_turns(), 26),
+        simulate_ride(NOMINAL, u_turns(25.0), 26),
     ]
 
 
@@ -309,7 +309,7 @@ def test_every_effect_vanishes_at_its_neutral_value(healthy):
 
 def test_a_wrong_steer_zero_is_named_on_held_out_data():
     effect = ("sensor_bias", "steer", {"offset": 0.015})
-    runs = [ridden(short(), 23, effect), ridden(slalom(60.0, 24.0, 12.0), 24, effect)]
+    runs = [ridden(short(), 23, effect), ridden(slalom(40.0, 24.0, 12.0), 24, effect)]
     found = diagnose_rides(runs, NOMINAL)
     assert found.verdict == "identified"
     (cause,) = found.effects

@@ -161,7 +161,7 @@ def test_legs_that_weigh_something_are_seen_and_legs_that_do_not_are_not(massles
 
 
 def test_a_screw_of_forty_newtons_a_micrometre_is_healthy():
-    answer = diagnose(record(spring(4e7), rig=QUIET, share=1.8), QUIET)
+    answer = diagnose(record(spring(4e7), rig=QUIET, share=1.8, duration_s=10.0), QUIET)
     assert answer.verdict == "no_gap"
     (told,) = (f for f in answer.located.findings if f.subject in ("transmissions", "twin"))
     assert "transmissions" in told.text or "compliance" in told.text
@@ -177,7 +177,7 @@ def test_a_soft_transmission_is_named_though_its_load_rubs():
     """A load that stops swinging at once is unlike that of a twin of which the motor alone rubs."""
     rig = with_coulomb(90.0)
     soft = effect("compliance", stiffness=1.4e5, damping=250.0)
-    answer = diagnose(record(soft, rig=GUIDES.twin(rig, 0.5)), rig)
+    answer = diagnose(record(soft, rig=GUIDES.twin(rig, 0.5), duration_s=10.0), rig)
     assert named(answer) == [("compliance", "axis")]
     assert answer.effects[0].parameters["stiffness"].value == pytest.approx(1.4e5, rel=0.05)
     (finding,) = [f for f in answer.located.findings if f.subject == "actuators.guide_share"]

@@ -161,7 +161,7 @@ def test_beside_other_candidates_the_simpler_of_two_alike_laws_stands() -> None:
 def test_the_command_writes_what_hil_experiment_plays(tmp_path: Path) -> None:
     answer, out = tmp_path / "diagnosis.json", tmp_path / "next.toml"
     answer.write_text(json.dumps(GAP_OR_FRICTION), encoding="utf-8")
-    options = ["--rig", "axis", "--out", str(out), "--seconds", "8", "--count", "2", "--json"]
+    options = ["--rig", "axis", "--out", str(out), "--seconds", "8", "--count", "1", "--json"]
     run = CliRunner().invoke(gap, ["next", str(answer), *options])
     assert run.exit_code == 0, run.output
     described = read_experiment(out)

@@ -12,8 +12,8 @@ from tests.gap.twin_runs import AXIS, effect, record
 
 
 def test_a_current_sensor_that_warms_up_is_no_scale_of_it():
-    frame = record()
-    frame["axis.force"] *= 1.0 + frame["t"] / 14.0
+    frame = record(duration_s=11.0)
+    frame["axis.force"] *= 1.0 + frame["t"] / 11.0
     found = diagnose(frame, AXIS)
     assert found.verdict == "unknown"
     assert found.causes[0].probability < 0.5
@@ -84,7 +84,7 @@ def felt(frame):
 
 
 def test_bangs_that_an_accelerometer_feels_are_a_gap_and_none_of_the_catalogue():
-    frame = felt(record())
+    frame = felt(record(duration_s=11.0))
     assert diagnose(frame, AXIS).verdict == "no_gap"
     answered = frame.index[frame["imu.accel_x"].notna()]
     hit = np.random.default_rng(6).choice(answered[400:], 12, replace=False)
