@@ -195,8 +195,8 @@ def test_a_steer_that_is_told_too_large_may_be_tyres_and_one_too_small_is_its_sc
 @pytest.fixture(scope="module")
 def slow_and_fast():
     return [
-        simulate_ride(NOMINAL, slalom(60.0, 14.0, 6.0), 24, cruise=2.5, turning=2.5),
-        simulate_ride(NOMINAL, slalom(120.0, 30.0, 20.0), 25, cruise=7.0, turning=7.0),
+        simulate_ride(NOMINAL, slalom(40.0, 14.0, 6.0), 24, cruise=2.5, turning=2.5),
+        simulate_ride(NOMINAL, slalom(90.0, 30.0, 20.0), 25, cruise=7.0, turning=7.0),
         simulate_ride(NOMINAL, u_turns(25.0), 26),
     ]
 

@@ -24,7 +24,7 @@ from hil.runs import load_run
 from tests.bicycle.rides import run_of
 
 NOMINAL = load_bicycle("bicycle")
-THERE_AND_BACK = Manoeuvre("there-and-back", "ride there and back", lambda: u_turns(35.0), 5.0, 3.6)
+THERE_AND_BACK = Manoeuvre("there-and-back", "ride there and back", lambda: u_turns(20.0), 5.0, 3.6)
 ROUND_MARKS = Manoeuvre("round-marks", "ride round marks", lambda: slalom(60.0), 5.0, 3.6)
 
 
