@@ -10,7 +10,6 @@ import pytest
 from hil.bicycle.path import slalom, u_turns
 from hil.bicycle.recorded import prepare
 from hil.bicycle.simulated import simulate_ride
-from hil.cli.gap_diagnose import all_but
 from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import IdentificationError
@@ -204,10 +203,7 @@ def slow_and_fast():
 def test_rides_of_several_speeds_tell_a_steer_s_scale_from_tyres(slow_and_fast):
     def diagnosed(spoil):
         rides = [run_of(ride, spoil) for ride in slow_and_fast]
-        rides = [replace(r, path=Path(f"{k}")) for k, r in enumerate(rides)]
-        return diagnose_rides(
-            rides, NOMINAL, without=all_but(NOMINAL, "sensor_scale,sensor_bias,sensor_latency")
-        )
+        return diagnose_rides([replace(r, path=Path(f"{k}")) for k, r in enumerate(rides)], NOMINAL)
 
     found = diagnosed(lambda table: table.assign(steer=table["steer"] * 1.2))
     assert found.verdict == "identified", found.sentence

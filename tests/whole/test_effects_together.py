@@ -3,18 +3,11 @@
 import numpy as np
 import pytest
 
-from hil.cli.gap_diagnose import all_but
 from hil.gap import diagnose
 from hil.gap.fits.friction import may_join
 from hil.gap.record.leaf import Leaf
 from hil.sim import Twin
 from tests.gap.twin_runs import AXIS, effect, record
-
-LIMITS_AND_FRICTION = all_but(
-    AXIS,
-    "force_saturation,velocity_saturation,force_constant,coulomb_friction,viscous_friction,hysteresis",
-)
-"""Effects left out where those are the ones to be told apart."""
 
 
 def named(found):
@@ -125,7 +118,7 @@ def test_forms_of_one_law_never_act_together_and_viscous_friction_beside_any():
 
 def test_a_force_limit_beside_friction_is_found_where_neither_column_shows_it():
     pair = (effect("coulomb_friction", force=250.0), effect("force_saturation", limit=420.0))
-    found = diagnose(record(*pair, duration_s=20.0), AXIS, without=LIMITS_AND_FRICTION)
+    found = diagnose(record(*pair, duration_s=20.0), AXIS)
     assert "force_saturation" in {x.effect for x in found.effects}
 
 

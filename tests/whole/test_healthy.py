@@ -37,8 +37,11 @@ def test_a_spring_beside_the_drive_is_no_ripple() -> None:
     assert found.verdict == "unknown"
 
 
-def test_a_hexapod_that_sags_when_armed_and_whose_bus_is_busy_is_no_gap(tmp_path: Path) -> None:
-    run, rig = ridden(tmp_path, "stewart_pd", "drive")
+@pytest.mark.parametrize("name", ["stewart", "stewart_pd"])
+def test_a_hexapod_that_sags_when_armed_and_whose_bus_is_busy_is_no_gap(
+    tmp_path: Path, name: str
+) -> None:
+    run, rig = ridden(tmp_path, name, "drive")
     found = diagnose(run, rig)
     assert found.verdict == "no_gap", found.sentence
 

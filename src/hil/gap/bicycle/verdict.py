@@ -68,7 +68,7 @@ what they feel, tyres that slip sideways turn a bicycle less than its steer angl
 that does where rides of one speed do not tell them apart (`is_no_slip`), and an inclinometer that feels
 curves tells less of the lean that they need [set on used-up exams and rides of another world: about half of
 these that were named were not there, most of them for such a thing; of eight scales of the steer above 1, six
-were tyres, of three in six later worlds none; of four later worlds' forks 9 of 11 were there, of their tyres
+were tyres, of five in seven later worlds one; of four later worlds' forks 9 of 11 were there, of their tyres
 8 of 8]."""
 OF_SETS: Final = 0.3
 """The same at most for sets, whose other effects would stand all the same."""
