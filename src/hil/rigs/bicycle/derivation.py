@@ -136,19 +136,27 @@ def write() -> str:
         outputs += _cells(f"spin[{b}, {{}}]", found["spins"][b])
         outputs += _cells(f"frame[{b}, {{}}]", found["frames"][b])
     outputs += _cells("A3[{}, {}]", found["A3"])
-    outputs += _cells("J[{}, {}]", found["J"])
     outputs += _cells("j[{}]", found["j"])
     parts.append(
         _function(
             "kinematics",
-            "p, q, qd, H, h, G, g, spin, frame, A3, J, j",
+            "p, q, qd, H, h, G, g, spin, frame, A3, j",
             "Bodies 2..5: centres' velocity H qd and acceleration H qdd + h, base axes; angular velocity\n"
             "    `spin` = G qd and derivative G qdd + g in frames that turn with `frame`; A3 of the rear\n"
-            "    frame. Constraints J qd = 0, J qdd + j = 0: front contact's height and its slope, rolling\n"
-            "    of rear (x, y) and front (x, y). Fills only what is not always zero: arrays must come\n"
+            "    frame; j of `constraints`. Fills only what is not always zero: arrays must come\n"
             "    zeroed once.",
             outputs,
             rates=True,
+        )
+    )
+    parts.append(
+        _function(
+            "constraints",
+            "p, q, J",
+            "J qd = 0, J qdd + j = 0: front contact's height and its slope, rolling of rear (x, y) and\n"
+            "    front (x, y). Fills only what is not always zero: J must come zeroed.",
+            _cells("J[{}, {}]", found["J"]),
+            rates=False,
         )
     )
     closure = [

@@ -74,8 +74,7 @@ def accelerate(mem, ws, bicycle, world, torque, q, qd, alpha, qdd):  # type: ign
     residual, _ = close_loop(p, q, c, dc, contact)
     if not residual < 1e-9:
         return False, 0.0
-    evaluate(mem, p, q, qd)
-    constraint_rows(mem[7], 12, False, D)
+    constraint_rows(p, q, 12, False, D)
     if not factor(D, 12, order):
         return False, 0.0
     for i in range(12):

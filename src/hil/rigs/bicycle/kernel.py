@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from hil.compiled import compiled, inner
-from hil.rigs.bicycle.equations import closure, kinematics
+from hil.rigs.bicycle.equations import closure, constraints, kinematics
 
 PSI, BETA, GAMMA, XI = 4, 5, 6, 8
 
@@ -38,7 +38,6 @@ def memory(like):  # type: ignore[no-untyped-def]
         np.zeros((4, 3), t),
         np.zeros((4, 3), t),
         np.zeros((3, 3), t),
-        np.zeros((6, 12), t),
         np.zeros(6, t),
     )
 
@@ -46,14 +45,14 @@ def memory(like):  # type: ignore[no-untyped-def]
 @inner
 def evaluate(mem, p, q, qd):  # type: ignore[no-untyped-def]
     """Fill `mem` with the kinematics at q, qd."""
-    H, h, G, g, spin, frame, A3, J, j = mem
-    kinematics(p, q, qd, H, h, G, g, spin, frame, A3, J, j)
+    H, h, G, g, spin, frame, A3, j = mem
+    kinematics(p, q, qd, H, h, G, g, spin, frame, A3, j)
 
 
 @inner
 def assemble(mem, body, extra, qd, n, M, Q):  # type: ignore[no-untyped-def]
     """M (n, n) and Q (n,): gravity, drag at body 3, and what velocities cause. After `evaluate`."""
-    H, h, G, g, spin, frame, _A3, _J, _j = mem
+    H, h, G, g, spin, frame, _A3, _j = mem
     for i in range(n):
         Q[i] = 0.0
         for k in range(n):
@@ -94,11 +93,12 @@ def assemble(mem, body, extra, qd, n, M, Q):  # type: ignore[no-untyped-def]
 
 
 @inner
-def constraint_rows(J, n, on_frame, D):  # type: ignore[no-untyped-def]
-    """D (n, n): the constraints' rows, then what is prescribed."""
+def constraint_rows(p, q, n, on_frame, D):  # type: ignore[no-untyped-def]
+    """D (12, 12), of which (n, n) counts: the constraints' rows at q, then what is prescribed."""
     for i in range(n):
         for k in range(n):
-            D[i, k] = J[i, k] if i < 6 else 0.0
+            D[i, k] = 0.0
+    constraints(p, q, D)
     D[6, 3] = 1.0
     D[7, PSI] = 1.0
     if on_frame:
@@ -137,25 +137,29 @@ def solve(A, n, order, b):  # type: ignore[no-untyped-def]
     for k in range(n):
         r = order[k]
         b[k], b[r] = b[r], b[k]
-    for i in range(n):
-        for k in range(i):
-            b[i] -= A[i, k] * b[k]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            b[i] -= A[i, k] * b[k]
-        b[i] /= A[i, i]
+    for k in range(n):  # by columns: sums of products would wait for one another
+        x = b[k]
+        for i in range(k + 1, n):
+            b[i] -= A[i, k] * x
+    for k in range(n - 1, -1, -1):
+        x = b[k] / A[k, k]
+        b[k] = x
+        for i in range(k):
+            b[i] -= A[i, k] * x
 
 
 @inner
 def solve_transposed(A, n, order, b):  # type: ignore[no-untyped-def]
     """b := A^-T b after `factor`."""
-    for i in range(n):
-        for k in range(i):
-            b[i] -= A[k, i] * b[k]
-        b[i] /= A[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            b[i] -= A[k, i] * b[k]
+    for k in range(n):
+        x = b[k] / A[k, k]
+        b[k] = x
+        for i in range(k + 1, n):
+            b[i] -= A[k, i] * x
+    for k in range(n - 1, -1, -1):
+        x = b[k]
+        for i in range(k):
+            b[i] -= A[k, i] * x
     for k in range(n - 1, -1, -1):
         r = order[k]
         b[k], b[r] = b[r], b[k]
@@ -188,36 +192,42 @@ def reduce(mem, D, order, M, Q, n, rows, N, Mr, Qr, bias):  # type: ignore[no-un
 
     `bias` (n,): accelerations where the independent ones are zero. After `assemble` and `factor`.
     """
-    j = mem[8]
+    j = mem[7]
     k = rows.shape[0]
     for i in range(n):
         bias[i] = -j[i] if i < 6 else 0.0
     solve(D, n, order, bias)
+    load, column = np.zeros(n, D.dtype), np.zeros(n, D.dtype)
+    for i in range(n):
+        x = Q[i]
+        for c in range(n):
+            x -= M[i, c] * bias[c]
+        load[i] = x
     for r in range(k):
-        column = np.zeros(n, D.dtype)
+        for i in range(n):
+            column[i] = 0.0
         column[rows[r]] = 1.0
         solve(D, n, order, column)
+        Qr[r] = Q[0] * 0.0
         for i in range(n):
             N[i, r] = column[i]
-    for r in range(k):
-        Qr[r] = 0.0
+            Qr[r] += column[i] * load[i]
+        for s in range(r + 1):
+            Mr[r, s] = Q[0] * 0.0
         for i in range(n):
-            x = Q[i]
-            for c in range(n):
-                x -= M[i, c] * bias[c]
-            Qr[r] += N[i, r] * x
-        for s in range(k):
             x = Q[0] * 0.0
-            for i in range(n):
-                for c in range(n):
-                    x += N[i, r] * M[i, c] * N[c, s]
-            Mr[r, s] = x
+            for c in range(n):
+                x += M[i, c] * column[c]
+            for s in range(r + 1):
+                Mr[r, s] += N[i, s] * x
+        for s in range(r):
+            Mr[s, r] = Mr[r, s]
 
 
 @compiled
 def inertial(mem, extra, p, sensor, qdd, n, out):  # type: ignore[no-untyped-def]
     """Rate (rad/s) and specific force (m/s2) in the sensor frame into out (6,). After `evaluate`."""
-    H, h, G, g, spin, _frame, A3, _J, _j = mem
+    H, h, G, g, spin, _frame, A3, _j = mem
     a = np.zeros(3)
     d = np.zeros(3)
     for k in range(3):

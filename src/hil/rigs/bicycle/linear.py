@@ -129,10 +129,9 @@ def _respond(
     q, qd = np.zeros(12, complex), np.zeros(12, complex)
     q[3], q[6] = state[0], -state[1]
     mem = memory(like)
-    D, M, Q = np.zeros((9, 9), complex), np.zeros((9, 9), complex), np.zeros(9, complex)
+    D, M, Q = np.zeros((12, 12), complex), np.zeros((9, 9), complex), np.zeros(9, complex)
     order = np.zeros(9, np.int64)
-    evaluate(mem, bicycle.p, q, qd)
-    constraint_rows(mem[7], 9, False, D)
+    constraint_rows(bicycle.p, q, 9, False, D)
     factor(D, 9, order)
     qd[6:9] = state[2], speed / bicycle.p[0], -state[3]
     solve(D, 9, order, qd)

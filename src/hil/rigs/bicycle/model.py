@@ -63,10 +63,8 @@ class Whipple:
     def rates(self, q: ArrayLike, lean: float, wheel: float, steer: float) -> Array:
         """qd (9,) that keeps the constraints, from the rates of lean, rear wheel (psi) and steer, rad/s."""
         full = _wide(q)
-        mem = memory(full)
-        evaluate(mem, self.packed.p, full, np.zeros(12))
-        D, order = np.zeros((9, 9)), np.zeros(9, np.int64)
-        constraint_rows(mem[7], 9, False, D)
+        D, order = np.zeros((12, 12)), np.zeros(9, np.int64)
+        constraint_rows(self.packed.p, full, 9, False, D)
         self._factor(D, order, full)
         b = np.zeros(9)
         b[6:] = lean, wheel, steer
@@ -84,14 +82,14 @@ class Whipple:
         full, rates = _wide(q), _wide(qd)
         mem = memory(full)
         evaluate(mem, self.packed.p, full, rates)
-        M, Q, D = np.zeros((9, 9)), np.zeros(9), np.zeros((9, 9))
+        M, Q, D = np.zeros((9, 9)), np.zeros(9), np.zeros((12, 12))
         order = np.zeros(9, np.int64)
         assemble(mem, self.packed.body, self.packed.extra, rates, 9, M, Q)
         Q[3] += lean
         Q[4] += drive
         Q[5] -= drive
         Q[6] += steer
-        constraint_rows(mem[7], 9, False, D)
+        constraint_rows(self.packed.p, full, 9, False, D)
         self._factor(D, order, full)
         N, Mr, Qr, bias = np.zeros((9, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(9)
         reduce(mem, D, order, M, Q, 9, _ROWS, N, Mr, Qr, bias)
@@ -103,10 +101,10 @@ class Whipple:
     def violation(self, q: ArrayLike, qd: ArrayLike) -> Array:
         """J qd (6,): how far rates are from the constraints, m/s."""
         full, rates = _wide(q), _wide(qd)
-        mem = memory(full)
-        evaluate(mem, self.packed.p, full, rates)
-        J: Array = mem[7][:, :9]
-        return J @ rates[:9]
+        D = np.zeros((12, 12))
+        constraint_rows(self.packed.p, full, 9, False, D)
+        out: Array = D[:6] @ rates
+        return out
 
     def energy(self, q: ArrayLike, qd: ArrayLike) -> float:
         """Kinetic energy and height's, J, the latter counted from the road."""

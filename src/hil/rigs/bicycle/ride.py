@@ -63,7 +63,7 @@ def static_load(p, body, extra, on_frame):  # type: ignore[no-untyped-def]
     close_loop(p, q, c, dc, contact)
     evaluate(mem, p, q, qd)
     assemble(mem, body, extra, qd, 12, M, Q)
-    constraint_rows(mem[7], 12, on_frame, D)
+    constraint_rows(p, q, 12, on_frame, D)
     factor(D, 12, order)
     reduce(mem, D, order, M, Q, 12, rows, N, Mr, Qr, bias)
     return Qr
@@ -115,8 +115,7 @@ def simulate(bicycle, dt, measured, start, springs, out):  # type: ignore[no-unt
             q[4] = mob[t, 1] + q[5]
         ok = True
         for again in range(1 if rigid else 2):
-            evaluate(mem, p, q, qd)  # only J counts here: qd is that of the sample before
-            constraint_rows(mem[7], n, on_frame, D)
+            constraint_rows(p, q, n, on_frame, D)
             ok = factor(D, n, order)
             if not ok:
                 return t
@@ -131,7 +130,7 @@ def simulate(bicycle, dt, measured, start, springs, out):  # type: ignore[no-unt
             evaluate(mem, p, q, qd)
             assemble(mem, body, extra, qd, n, M, Q)
             for i in range(6):
-                b[i] = -mem[8][i]
+                b[i] = -mem[7][i]
             b[6], b[7], b[8] = mob2[t, 0], mob2[t, 1], mob2[t, 2]
             if not rigid and again == 0:
                 compliance(mem, ws, b, load, springs, dt, q, qd, u2)
@@ -173,11 +172,13 @@ def compliance(mem, ws, told, load, springs, dt, q, qd, u2):  # type: ignore[no-
     solve(D, 12, order, bias)
     force = np.zeros(3)
     for r in range(3):
-        x = Qr[r] - load[r]
-        for i in range(12):
-            for k in range(12):
-                x -= N[i, r] * M[i, k] * bias[k]
-        force[r] = x
+        force[r] = Qr[r] - load[r]
+    for i in range(12):
+        x = 0.0
+        for k in range(12):
+            x += M[i, k] * bias[k]
+        for r in range(3):
+            force[r] -= N[i, r] * x
     for r in range(3):
         if spring[r] >= 1e15:
             for s in range(3):
