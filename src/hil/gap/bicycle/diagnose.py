@@ -333,7 +333,7 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
     effects = tuple(by_name[x.effect, x.location] for x in found.effects)
     part, sentence = again(best, found.score.signals), found.sentence
     if effects:
-        _, sentence = judge(effects, causes, found.unknown, part.shrink)
+        _, sentence = judge(effects, causes, found.unknown, part.shrink, share=1.0, where="")
         others = sorted({text for _, text in twins(c, none, best)})
         sentence += "".join(f" On a ride {x} would look the same." for x in others)
     return replace(

@@ -17,7 +17,7 @@ from hil.gap.floor.noise import NoiseModel
 from hil.gap.judged.clear import asked, other_than_facts
 from hil.gap.judged.diagnosis import Cause, Diagnosis
 from hil.gap.judged.doubt import BORNE_OUT, STANDS, chance, least_explained
-from hil.gap.judged.verdict import judge
+from hil.gap.judged.verdict import judge, whereabouts
 from hil.gap.located.result import Located
 
 EXPLAINED: Final = 0.72
@@ -129,6 +129,7 @@ def unsaid(found: Diagnosis) -> Diagnosis:
     sentence = (
         f"A gap that nothing in the catalogue explains: {worst} stands {over[worst]:.1f} times above what "
         "noise and a healthy bicycle's tolerances make of it, and no candidate has its pattern."
+        f"{whereabouts(found.located)}"
     )
     return replace(found, verdict="unknown", sentence=sentence, unknown=1.0)
 
@@ -182,7 +183,8 @@ def by_energy(found: Diagnosis, measured: NoiseModel) -> Diagnosis:
         for leaf in best.leaves
     )
     shrink = None if unseen is None else unseen.shrink
-    verdict, sentence = judge(chosen, causes, unknown, shrink)
+    where = whereabouts(found.located)
+    verdict, sentence = judge(chosen, causes, unknown, shrink, share=share, where=where)
     if verdict == "unknown" and unknown < least + SLIGHT:
         names = " and ".join(f"{x.effect.replace('_', ' ')} at {x.location}" for x in chosen)
         sentence = (

@@ -60,7 +60,8 @@ loses setpoints as well, of which not each loss shows."""
 BESIDE: Final = 0.25
 """Chance then that what else there is is all there is."""
 HARDLY: Final = 0.05
-"""Held-out shrink below which a sentence says that unseen data show little of what was found."""
+"""Share below which a sentence says that unseen data show little of what was found, or that what was not
+found looks like no candidate."""
 FRAME_HZ: Final = 30.0
 """Down to which a load that swings on a spring, and moves no signal by RATIO floors, may be the frame or the
 floor that the rig stands on: two tonnes on mounts swing at 32 to 55 Hz [R]."""
@@ -85,6 +86,11 @@ def no_gap(located: Located, held_out: str) -> Diagnosis:
     )
 
 
+def whereabouts(located: Located) -> str:
+    """Where a gap stands, a sentence to follow another; nothing where it stands nowhere in particular."""
+    return f" {located.sentence}" if located.is_gap and located.where else ""
+
+
 def _nothing_like_it(located: Located, held_out: str) -> Diagnosis:
     """A gap of which no candidate has the pattern."""
     worst, place = max(located.signals, key=lambda s: s.ratio), _loudest(located)
@@ -93,7 +99,7 @@ def _nothing_like_it(located: Located, held_out: str) -> Diagnosis:
         ratio, where = place.rms / place.noise_floor, f"{place.text},"
     sentence = (
         f"A gap that nothing in the catalogue explains: {where} stands {ratio:.1f} times above its floor, "
-        "and no candidate has its pattern."
+        f"and no candidate has its pattern.{whereabouts(located)}"
     )
     return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)
 
@@ -177,7 +183,9 @@ def answer(
         if leaf not in usual
     )
     shrink = part.shrink if other_than_facts(first) else None
-    verdict, sentence = judge(chosen, causes, unknown, shrink, varies)
+    verdict, sentence = judge(
+        chosen, causes, unknown, shrink, share=share, where=whereabouts(located), varies=varies
+    )
     lost = dict(zip(first.names, first.values.tolist(), strict=True)).get(ANSWERS, 0.0)
     if lossy is not None:
         sentence += " Besides there is what nothing in the catalogue explains."
@@ -304,19 +312,24 @@ def judge(
     causes: Sequence[Cause],
     unknown: float,
     shrink: float | None,
+    *,
+    share: float,
+    where: str,
     varies: Variation | None = None,
 ) -> tuple[Verdict, str]:
-    """Verdict and sentence for the best set `chosen` among all `causes`; `varies`: what speaks against it."""
+    """Verdict and sentence for the best set `chosen` among all `causes`. Where that is none: the `share` of
+    the gap that it explains, `where` the gap stands, and what it takes that `varies`."""
     names = _names(chosen)
-    if unknown > 0.5 and varies is not None:
-        return "unknown", (
-            f"A gap that nothing in the catalogue explains; the nearest is {names}, but what it takes is not "
-            f"the same everywhere: it goes with {varies.goes_with}."
-        )
     if unknown > 0.5:
-        return "unknown", (
-            f"A gap that nothing in the catalogue explains; the nearest is {names}, which leaves too much."
-        )
+        nearest = f"; the nearest is {names}, which explains {100.0 * share:.0f} % of it."
+        if varies is not None:
+            nearest = (
+                f"; the nearest is {names}, but what it takes is not the same everywhere: it goes with "
+                f"{varies.goes_with}."
+            )
+        elif share < HARDLY:
+            nearest = ", and no candidate has its pattern."
+        return "unknown", f"A gap that nothing in the catalogue explains{nearest}{where}"
     far = (
         "" if shrink is None else f" It takes {100.0 * shrink:.0f} % of the gap off held-out data."
     )
