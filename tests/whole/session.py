@@ -12,7 +12,7 @@ from hil.daemon.simulated import record_ride
 from hil.drivefiles import load_profiles
 from hil.runs import Run, load_run
 
-SECONDS = 15.0
+SECONDS = 10.0
 
 
 def ridden(folder: Path, name: str, mode: str, *hidden: Effect) -> tuple[Run, RigFile]:
