@@ -20,11 +20,16 @@ PACKAGE = Path(__file__).parent
 
 @cache
 def sources_stamp() -> str:
-    """Hash over every source of hil that holds compiled code."""
+    """Hash over every source of hil with compiled code, and all beside it: constants are compiled in."""
     digest = hashlib.sha256()
-    for path in sorted(PACKAGE.rglob("*.py")):
-        text = path.read_bytes()
-        if b"@compiled" in text or b"@inner" in text or b"njit" in text:
+    texts = {path: path.read_bytes() for path in sorted(PACKAGE.rglob("*.py"))}
+    homes = {
+        p.parent
+        for p, t in texts.items()
+        if any(m in t for m in (b"@compiled", b"@inner", b"njit"))
+    }
+    for path, text in texts.items():
+        if path.parent in homes:
             digest.update(str(path.relative_to(PACKAGE)).encode() + b"\0" + text)
     return digest.hexdigest()
 

@@ -70,6 +70,6 @@ def test_riders_and_roads_may_be_less_still_than_sensors_are_loud(signal, ratio,
     """A road pitches a bicycle by 0.8 mrad/s, which only a quiet gyroscope knows."""
     told = [("imu.accel_z", 0.9, 0.1), (signal, ratio, floor)]
     signals = [SimpleNamespace(signal=s, ratio=k * low / with_road(s, low)) for s, k, low in told]
-    found = unsaid(Found(SimpleNamespace(signals=signals)))
+    found = unsaid(Found(SimpleNamespace(signals=signals, is_gap=False, where=())))
     assert found.verdict == verdict
     assert (signal in found.sentence) == (verdict == "unknown")
