@@ -33,7 +33,7 @@ from hil.gap.fits.heldout import Score, score, split, touched
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.noise import NoiseModel
 from hil.gap.judged.diagnosis import Cause, Diagnosis
-from hil.gap.judged.verdict import answer, judge, no_gap, stands
+from hil.gap.judged.verdict import answer, attributed, no_gap, stands
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.record.problem import Mask
@@ -333,7 +333,7 @@ def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:
     effects = tuple(by_name[x.effect, x.location] for x in found.effects)
     part, sentence = again(best, found.score.signals), found.sentence
     if effects:
-        _, sentence = judge(effects, causes, found.unknown, part.shrink, share=1.0, where="")
+        _, sentence = attributed(effects, causes, found.unknown, part.shrink)
         others = sorted({text for _, text in twins(c, none, best)})
         sentence += "".join(f" On a ride {x} would look the same." for x in others)
     return replace(

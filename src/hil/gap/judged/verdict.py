@@ -321,7 +321,7 @@ def judge(
     the gap that it explains, `where` the gap stands, and what it takes that `varies`."""
     names = _names(chosen)
     if unknown > 0.5:
-        nearest = f"; the nearest is {names}, which explains {100.0 * share:.0f} % of it."
+        nearest = f"; the nearest is {names}, which explains {100.0 * share:.0f} % of what fits saw of it."
         if varies is not None:
             nearest = (
                 f"; the nearest is {names}, but what it takes is not the same everywhere: it goes with "
@@ -330,6 +330,14 @@ def judge(
         elif share < HARDLY:
             nearest = ", and no candidate has its pattern."
         return "unknown", f"A gap that nothing in the catalogue explains{nearest}{where}"
+    return attributed(chosen, causes, unknown, shrink)
+
+
+def attributed(
+    chosen: Sequence[Cause], causes: Sequence[Cause], unknown: float, shrink: float | None
+) -> tuple[Verdict, str]:
+    """The same for a set that is the answer."""
+    names = _names(chosen)
     far = (
         "" if shrink is None else f" It takes {100.0 * shrink:.0f} % of the gap off held-out data."
     )
