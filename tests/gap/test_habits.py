@@ -110,10 +110,12 @@ def test_only_friction_that_acts_at_once_is_asked_whether_it_bends():
     assert not BENDS.may(BENDS.twin(FAST, 1.0))
 
 
-def test_loops_that_take_their_time_are_seen_and_so_are_those_that_do_not():
-    for rig in (AXIS, FAST):
-        assert share_of(TAKES_TIME, locate(record(rig=TAKES_TIME.twin(rig, 1.2)), rig)) == 1.2
-        assert not share_of(TAKES_TIME, locate(record(rig=rig), rig))
+@pytest.mark.parametrize(("rig", "jitter_s"), [(AXIS, 9e-4), (FAST, 0.0)], ids=["slots", "fast"])
+def test_loops_that_take_their_time_are_seen_and_so_are_those_that_do_not(rig, jitter_s):
+    """In slots where setpoints jitter against the drive's ticks: else as much may be the place of those."""
+    late = record(rig=TAKES_TIME.twin(rig, 1.2), jitter_s=jitter_s)
+    assert 0.8 <= share_of(TAKES_TIME, locate(late, rig)) <= 1.2
+    assert not share_of(TAKES_TIME, locate(record(rig=rig, jitter_s=jitter_s), rig))
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,8 @@ def test_ticks_that_lie_apart_from_run_to_run_are_told_by_positions(at_sync):
         stamps = dict.fromkeys(("axis.position", "axis.force"), due + FAST.bus.answer_delay)
         sent = due + 5e-5 * rng.standard_normal(len(due))
         acts = due if at_sync else acting(FAST, sent, Ticks(2e-4, 0.0, 0.0))
-        answers = Twin(FAST, smooth=True).replay({"axis": (acts + by_s, told)}, stamps)
+        own = () if at_sync else ("axis",)
+        answers = Twin(FAST, smooth=True).replay({"axis": (acts + by_s, told)}, stamps, ticked=own)
         noise = {"axis.position": 1e-6, "axis.force": 4.0}
         samples = {
             s: (t, answers[s] + noise[s] * rng.standard_normal(len(t))) for s, t in stamps.items()
@@ -140,7 +141,9 @@ def at_sync_record(ticks=None, seed=3, late=()):
     acts = np.array(acting(FAST, due, ticks))
     acts[list(late)] += FAST.bus.position_loop
     samples = {}
-    for s, v in Twin(FAST, smooth=True).replay({"axis": (acts, told)}, stamps).items():
+    own = () if ticks is None else ("axis",)
+    made = Twin(FAST, smooth=True).replay({"axis": (acts, told)}, stamps, ticked=own)
+    for s, v in made.items():
         noise = 4.0 if s.endswith("force") else 1e-6
         samples[s] = (stamps[s], v + noise * rng.standard_normal(len(v)))
     sent = due + 5e-5 * rng.standard_normal(len(due))
@@ -234,7 +237,9 @@ def test_frames_that_come_now_before_a_tick_now_after_it_are_none_that_miss_a_sy
     stamps = dict.fromkeys(("axis.position", "axis.force"), sent + 0.0006)
     acts = acting(rig, sent, Ticks(bus.setpoint_delay + 3e-4, 0.0, 0.0))
     samples = {}
-    for s, v in Twin(rig, smooth=True).replay({"axis": (acts, told)}, stamps).items():
+    for s, v in (
+        Twin(rig, smooth=True).replay({"axis": (acts, told)}, stamps, ticked=("axis",)).items()
+    ):
         noise = 4.0 if s.endswith("force") else 1e-6
         samples[s] = (stamps[s], v + noise * rng.standard_normal(len(v)))
     (clock,) = find_clocks(
@@ -243,3 +248,39 @@ def test_frames_that_come_now_before_a_tick_now_after_it_are_none_that_miss_a_sy
     assert isinstance(clock, Ticks)
     place = (clock.phase_s - bus.setpoint_delay) % bus.position_loop
     assert place == pytest.approx(3e-4, abs=5e-5)
+
+
+@pytest.mark.parametrize("shift_s", [0.0, 0.00025, 0.0005, 0.00075])
+def test_forces_read_soon_after_setpoints_have_seen_as_much_of_the_drives_tick(shift_s):
+    """A drive that rests at each setpoint drops its force for that tick: which answers see it says the place
+    of its ticks, wherever those lie."""
+    bus = AXIS.bus.model_copy(update={"interpolation": "linear_rests"})
+    rig = AXIS.model_copy(update={"bus": bus})
+    rng = np.random.default_rng(8)
+    sent = np.arange(0.0, 6.0, bus.cycle) + rng.uniform(0.0, 5e-4, 600)
+    told = 0.05 * np.sin(2.0 * np.pi * 0.8 * sent) * np.clip(sent, 0.0, 1.0)
+    answered = sent + bus.setpoint_delay + bus.answer_delay + rng.uniform(1e-4, 9e-4, 600)
+    made = Twin(rig).replay({"axis": (sent, told)}, {"axis.force": answered})["axis.force"]
+    samples = {"axis.force": (answered + shift_s, made)}
+    problem = Problem(rig, [Stretch("shifted", {"axis": (sent + shift_s, told)}, samples)])
+    at = problem.with_clocks({(0, "axis"): Ticks(shift_s, 0.0, 0.0)})
+    assert np.max(np.abs(at.residual(at.base))) < 0.05 * np.ptp(made)
+
+
+def test_ticks_are_found_where_the_drive_answers_at_other_instants_than_the_rig_file_says():
+    bus = AXIS.bus.model_copy(update={"interpolation": "linear_rests"})
+    rig = AXIS.model_copy(update={"bus": bus})
+    rng = np.random.default_rng(8)
+    sent = np.arange(0.0, 12.0, bus.cycle) + rng.uniform(0.0, 6e-4, 1200)
+    told = 0.05 * np.sin(2.0 * np.pi * 0.8 * sent) * np.clip(sent, 0.0, 1.0)
+    answered = sent + bus.setpoint_delay + bus.answer_delay + rng.uniform(1e-4, 4e-4, 1200)
+    acts = acting(rig, sent, Ticks(3.6e-4, 0.0, 0.0))
+    twin = Twin(rig, smooth=True)
+    asked = {"axis.force": answered - 2e-4}
+    made = twin.replay({"axis": (acts, told)}, asked, ticked=("axis",))["axis.force"]
+    noisy = made + rig.noise.force * rng.standard_normal(1200)
+    samples = {"axis.force": (answered, noisy)}
+    (clock,) = find_clocks(
+        Problem(rig, [Stretch("late", {"axis": (sent, told)}, samples)])
+    ).values()
+    assert clock.place(np.array([6.0]))[0] % TICK == pytest.approx(3.6e-4, abs=3e-5)

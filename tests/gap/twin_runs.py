@@ -25,9 +25,10 @@ def record(
     share: float = 1.0,
     step_m: float | None = None,
     asked_s: float = 0.0012,
+    jitter_s: float = 0.0,
 ) -> pd.DataFrame:
     """What the axis with `effects` would have recorded: slow reversals, then a sum of faster sines; a drive
-    that rounds its setpoints to `step_m`, where that is given.
+    that rounds its setpoints to `step_m`, where that is given. Setpoints are sent up to `jitter_s` late.
 
     Each drive answers position and force in turn, 20 ms apart each, as its rig file's bus does, sampled
     `asked_s` after a setpoint was sent.
@@ -41,6 +42,7 @@ def record(
     told = share * fade * (told - told[0])
     answered = sent + rig.bus.answer_delay + asked_s
     stamps = {"axis.position": answered[::2], "axis.force": answered[1::2]}
+    sent = sent + jitter_s * rng.uniform(size=len(sent)) if jitter_s else sent
     twin = Twin(rig.model_copy(update={"effects": effects}))
     heard = told if step_m is None else step_m * np.round(told / step_m)
     values = twin.replay({"axis": (sent, heard)}, stamps)

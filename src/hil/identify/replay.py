@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
@@ -38,6 +38,8 @@ class Stretch:
     """The stretch as the record has it, where its samples and setpoints were moved to when they happened."""
     late_s: Mapping[str, float] = field(default_factory=dict)
     """By actuator: how much later than stamps or the bus's traffic say its setpoints were found to act."""
+    ticked: Collection[str] = ()
+    """The actuators whose setpoints are told as their drives' own ticks take them."""
 
     @property
     def span_s(self) -> tuple[float, float]:

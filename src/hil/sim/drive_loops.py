@@ -15,6 +15,8 @@ Platform on a Large Hexapod Simulator", eqs (7)-(8), with damping on the speed e
 
 A setpoint's delay therefore counts in whole ticks. With the model's flag for smooth arrivals the line starts
 half a position tick after the arrival, between ticks: the mean of the real start, smooth in every delay.
+Where that is known to be a tick of the drive's own clock (S_TICKED), its loop counts its ticks from there: a
+force that is read soon after a setpoint arrived depends on whether the loop has had its tick.
 
 Mode off: no current; the holding brake is closed and acts as friction of F_max. It opens when the drive
 is enabled with position setpoints at once, with force setpoints at the first of them.
@@ -115,7 +117,7 @@ def reference(st, i, t):  # type: ignore[no-untyped-def]
     """(position, speed), or (force, slope), that drive i's present segment asks for at instant t."""
     if t >= st[lay.S_T1, i] - EPSILON_S:
         return st[lay.S_X1, i], 0.0
-    return st[lay.S_X0, i] + st[lay.S_SLOPE, i] * (t - st[lay.S_T0, i]), st[lay.S_SLOPE, i]
+    return st[lay.S_X0, i] + st[lay.S_SLOPE, i] * max(t - st[lay.S_T0, i], 0.0), st[lay.S_SLOPE, i]
 
 
 @inner
@@ -188,19 +190,27 @@ def limited(value, limit, knee):  # type: ignore[no-untyped-def]
 
 
 @inner
-def position_loops(header, act, st, t):  # type: ignore[no-untyped-def]
-    """One tick of every drive's position loop: takes setpoints, sets speed reference and pre-control."""
-    half = 0.5 * header[lay.H_DT] * header[lay.H_POSITION_TICKS]
+def position_loops(header, act, st, t, k):  # type: ignore[no-untyped-def]
+    """Position loops of the drives that have a tick at the model's k-th: take setpoints, set speed reference
+    and pre-control."""
+    ticks = int(header[lay.H_POSITION_TICKS])
+    half = 0.5 * header[lay.H_DT] * ticks
     for i in range(st.shape[1]):
         if st[lay.S_MODE, i] != lay.MODE_POSITION:
             continue
-        if st[lay.S_HAS_PENDING, i] != 0.0:
-            start = t
-            if header[lay.H_SMOOTH] != 0.0:
-                start = st[lay.S_PENDING_T, i] + half
-            if start <= t + EPSILON_S:
-                st[lay.S_HAS_PENDING, i] = 0.0
-                _start_segment(header, header[lay.H_LINEAR], st, i, st[lay.S_PENDING, i], start)
+        start, soon = t, EPSILON_S
+        if header[lay.H_SMOOTH] != 0.0:
+            start = st[lay.S_PENDING_T, i] + half
+            if st[lay.S_TICKED, i] != 0.0:
+                soon = 0.5 * header[lay.H_DT]
+        taken = st[lay.S_HAS_PENDING, i] != 0.0 and start <= t + soon
+        if taken and st[lay.S_TICKED, i] != 0.0:
+            st[lay.S_PHASE, i] = float(k % ticks)
+        if (k - int(st[lay.S_PHASE, i])) % ticks != 0:
+            continue
+        if taken:
+            st[lay.S_HAS_PENDING, i] = 0.0
+            _start_segment(header, header[lay.H_LINEAR], st, i, st[lay.S_PENDING, i], start)
         _play(header, st, i, t)
         x_ref, speed = reference(st, i, t)
         cycle_ends = st[lay.S_T0, i] + header[lay.H_CYCLE] - EPSILON_S

@@ -40,6 +40,7 @@ def replay(  # type: ignore[no-untyped-def]
     p,
     start,
     modes,
+    ticked,
     q_guess,
     ev_first,
     ev_t,
@@ -52,6 +53,9 @@ def replay(  # type: ignore[no-untyped-def]
     out,
 ):
     """Run the record with parameters `p` on model `base`, from rest at actuator positions `start` (n,).
+
+    `ticked` (n,): 1 for the drives that take each setpoint, at the instant it reaches them and half a tick,
+    at a tick of their own.
 
     Events of actuator i are ev_*[ev_first[i] : ev_first[i + 1]]: send instants s (rising) and setpoints.
     Samples of group g are [s_first[g] : s_first[g + 1]] of s_t (receive stamps s, rising) and `out`; its
@@ -70,6 +74,7 @@ def replay(  # type: ignore[no-untyped-def]
     act, imu = views[0], views[9]
     st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))
     tail = state[lay.S_ROWS * n :]
+    st[lay.S_TICKED] = ticked
     groups = s_signal.shape[0]
     sensor, column = np.empty((groups, 5)), np.empty(groups, np.int64)
     home, delay, unit = np.zeros(groups), np.zeros(groups), np.ones(groups)

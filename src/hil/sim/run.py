@@ -59,11 +59,10 @@ def tick(model, views, st, tail, mem, with_imu):  # type: ignore[no-untyped-def]
     k = tail[lay.S_TAIL - 1]
     t = k * model[lay.H_DT]
     substeps = int(model[lay.H_SUBSTEPS])
-    if int(k) % int(model[lay.H_POSITION_TICKS]) == 0:
-        if model[lay.H_STATIC_FF] != 0.0:
-            q, into = st[lay.S_Q], st[lay.S_STATIC]
-            static_forces(statics, kind, geometry0, body0, legs0, gravity0, q, into)
-        position_loops(model, act, st, t)
+    if model[lay.H_STATIC_FF] != 0.0 and int(k) % int(model[lay.H_POSITION_TICKS]) == 0:
+        q, into = st[lay.S_Q], st[lay.S_STATIC]
+        static_forces(statics, kind, geometry0, body0, legs0, gravity0, q, into)
+    position_loops(model, act, st, t, int(k))
     speed_loops(model, act, st, t)
     h = model[lay.H_DT] / substeps
     for _ in range(substeps):

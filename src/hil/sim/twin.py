@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -76,6 +76,7 @@ class Twin:
         start: Sequence[float] | None = None,
         guess: Sequence[float] | None = None,
         lead: Mapping[str, Series] | None = None,
+        ticked: Collection[str] = (),
     ) -> Replay:
         """A record to replay, packed once for many runs.
 
@@ -84,10 +85,11 @@ class Twin:
         the positions that the drives held before the first setpoint; default: the first setpoints in mode
         "position", home in mode "force". `guess`: a pose near the start, default neutral. `lead`: by
         actuator, measured positions (stamps and values) that the model is led to by a soft spring: by forces
-        alone a platform falls over. RunError names a signal whose stamps run back or
-        that does not exist.
+        alone a platform falls over. `ticked`: the actuators whose setpoints a smooth twin is told as their
+        drives' own ticks take them, half a tick after they arrive; their position loops count from there.
+        RunError names a signal whose stamps run back or that does not exist.
         """
-        return Replay(self, setpoints, samples, mode, start, guess, lead or {})
+        return Replay(self, setpoints, samples, mode, start, guess, lead or {}, ticked)
 
     def replay(
         self,
@@ -97,9 +99,10 @@ class Twin:
         *,
         mode: Literal["position", "force"] = "position",
         start: Sequence[float] | None = None,
+        ticked: Collection[str] = (),
     ) -> dict[str, Array]:
         """The value of each signal at its stamps; arguments as `record`, `parameters` a table's vector."""
-        job = self.record(setpoints, samples, mode=mode, start=start)
+        job = self.record(setpoints, samples, mode=mode, start=start, ticked=ticked)
         return job.by_signal(job.run(parameters))
 
 
@@ -115,6 +118,7 @@ class Replay:
         start: Sequence[float] | None,
         guess: Sequence[float] | None,
         lead: Mapping[str, Series],
+        ticked: Collection[str],
     ) -> None:
         self.twin = twin
         rig, n = twin.rig, len(twin.rig.actuators)
@@ -162,6 +166,7 @@ class Replay:
         self._arguments = (
             np.array(start, dtype=float),
             np.full(n, float(MODES[mode])),
+            np.array([float(a in ticked) for a in rig.actuator_names]),
             np.zeros(n) if guess is None else np.array(guess, dtype=float),
             np.cumsum([0] + [len(t) for t, _ in events]),
             np.concatenate([np.asarray(t, dtype=float) for t, _ in events]) - self.origin_s,

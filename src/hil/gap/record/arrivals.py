@@ -14,7 +14,7 @@ that play setpoints by a clock that the first frame starts: `hil.gap.record.star
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from statistics import fmean
 from typing import Final
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from hil.gap.record.apart import apart
 from hil.gap.record.fineness import CLEARER, fine_structure, fineness
 from hil.gap.record.latecomers import SURE, Synced
+from hil.gap.record.places import find_places
 from hil.gap.record.problem import Problem
 from hil.gap.record.started import started
 from hil.gap.record.synced import at_sync
@@ -33,16 +34,6 @@ from hil.identify.jumps import fewest_jumps
 
 Array = NDArray[np.float64]
 
-PLACES: Final = 8
-"""Places of the ticks that are replayed."""
-FINE: Final = 32
-WINDOW_S: Final = 2.0
-FASTEST: Final = 2e-4
-"""s/s that a drive's clock may run off the bus's [M: crystals 50 ppm each, resonators more]."""
-RATE_STEP: Final = 2e-6
-USUAL: Final = 5e-5
-"""Standard deviation of that: where frames never come near a tick, little tells of a drift."""
-ENOUGH: Final = 12
 DELAYS_S: Final = (0.0, 0.001, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, 0.016)
 TURNS: Final = (
     ("phase_s", 0.03, 2), ("rate", 3e-6, 2), ("phase_s", 0.015, 2), ("rate", 1e-6, 2),
@@ -67,33 +58,16 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
         synced = at_sync(problem, beside)
         found: dict[tuple[int, str], Ticks | AtSync] = dict(synced)
         if bus.interpolation != "hold":
-            found |= _as_clear(problem, _at_ticks(problem, beside), synced, beside)
+            found |= _as_clear(problem, find_places(problem, beside)[0], synced, beside)
         return apart(problem, found, beside, bus.position_loop, fmean)
     if bus.position_loop <= bus.speed_loop or bus.interpolation == "hold":
         return {}
-    vector = _delayed(problem) if vector is None else vector
-    return _refined(problem, _at_ticks(problem, vector), vector)
-
-
-def _at_ticks(problem: Problem, vector: Array) -> dict[tuple[int, str], Ticks]:
-    """The drives of which some place of the ticks makes their force clearer, and that place."""
-    tick = problem.rig.bus.position_loop
-    pieces = problem.pieces
-    names = problem.rig.actuator_names
-    flats = [problem.predict(vector)[0]]
-    for p in range(PLACES):
-        ticks = Ticks(p * tick / PLACES, 0.0, 0.0)
-        clocks = {(k, a): ticks for k in range(len(pieces)) for a in names}
-        flats.append(problem.with_clocks(clocks).predict(vector)[0])
-    found = {}
-    for k in range(len(pieces)):
-        if pieces[k].mode != "position":
-            continue
-        for a in names:
-            best = _best(problem, k, a, flats, tick)
-            if best is not None:
-                found[k, a] = best
-    return found
+    ticks, answered = find_places(problem, beside)
+    if vector is None:
+        delayed = _delayed(problem, ticks, answered)
+        if not np.array_equal(delayed, problem.base):
+            ticks, answered = find_places(problem, delayed)
+    return _refined(problem, ticks, answered)
 
 
 def _as_clear(
@@ -121,26 +95,29 @@ def _as_clear(
     }
 
 
-def _delayed(problem: Problem) -> Array:
-    """The rig file's vector with the delay at which each drive's force is nearest to the record's: ticks are
-    looked for there, so that a late drive has its ticks found too."""
-    out = np.array(problem.base)
-    sizes = []
+def _delayed(problem: Problem, found: Mapping[tuple[int, str], Ticks], answered: Array) -> Array:
+    """The rig file's vector with the delay at which each drive's force is nearest to the record's, where that
+    is nearer than beside the ticks `found` and answers as of `answered`: ticks are looked for there, so that
+    a late drive has them too."""
+    out, names = np.array(problem.base), problem.rig.actuator_names
+
+    def sizes(told: Problem, row: Array) -> list[float]:
+        flat = told.predict(row)[0]
+        return [
+            sum(fineness(problem, k, a, flat) for k in range(len(problem.pieces))) for a in names
+        ]
+
+    late = []
     for delay in DELAYS_S:
         row = np.array(problem.base)
-        for a in problem.rig.actuator_names:
+        for a in names:
             row[problem.table.index(f"{a}.transport_delay.delay")] += delay
-        flat = problem.predict(row)[0]
-        sizes.append(
-            [
-                sum(fineness(problem, k, a, flat) for k in range(len(problem.pieces)))
-                for a in problem.rig.actuator_names
-            ]
-        )
-    for j, a in enumerate(problem.rig.actuator_names):
-        mine = np.array([row[j] for row in sizes])
+        late.append(sizes(problem, row))
+    beside = sizes(problem.with_clocks(found), answered)
+    for j, a in enumerate(names):
+        mine = np.array([row[j] for row in late])
         best = int(np.argmin(mine))
-        if mine[best] < mine[0] - CLEARER * len(problem.pieces):
+        if mine[best] < min(mine[0], beside[j]) - CLEARER * len(problem.pieces):
             out[problem.table.index(f"{a}.transport_delay.delay")] += DELAYS_S[best]
     return out
 
@@ -180,49 +157,3 @@ def _moving(
         return replace(ticks, rate=ticks.rate + by, phase_s=ticks.phase_s - turn)
 
     return moved
-
-
-def _best(
-    problem: Problem, stretch: int, actuator: str, flats: Sequence[Array], tick: float
-) -> Ticks | None:
-    sizes, centres, count = [], [], 0
-    for t, steps, kept in fine_structure(problem, stretch, actuator, flats):
-        for start in np.arange(t[0], t[-1], WINDOW_S):
-            inside = ((t >= start) & (t < start + WINDOW_S))[1:] & kept
-            if inside.sum() >= ENOUGH:
-                sizes.append(
-                    np.log(
-                        np.mean(np.minimum(steps[:, inside], _cap(steps[0])) ** 2, axis=1) + 1e-300
-                    )
-                )
-                centres.append(start + 0.5 * WINDOW_S)
-                count += int(inside.sum())
-    if len(sizes) < 3:
-        return None
-    table = 0.5 * np.array(sizes)
-    t = np.array(centres)
-    origin = float(t[0])
-    # a smooth curve over the places of the ticks, periodic
-    grid = np.arange(FINE) / FINE
-    spectrum = np.fft.rfft(table[:, 1:], axis=1)
-    padded = np.zeros((len(t), FINE // 2 + 1), dtype=complex)
-    padded[:, : spectrum.shape[1]] = spectrum
-    padded[:, PLACES // 2] *= 0.5
-    curve = np.fft.irfft(padded, FINE, axis=1) * (FINE / PLACES)
-    best, where = np.inf, (0.0, 0.0)
-    rows = np.arange(len(t))
-    for rate in np.arange(-FASTEST, FASTEST + 1e-12, RATE_STEP):
-        shift = rate * (t - origin) / tick
-        unlikely = 0.5 * (rate / USUAL) ** 2 / count
-        for g in grid:
-            k = np.round((g + shift) * FINE).astype(np.int64) % FINE
-            total = float(np.mean(curve[rows, k])) + unlikely
-            if total < best:
-                best, where = total, (float(g * tick), float(rate))
-    if best > float(np.mean(table[:, 0])) - CLEARER:
-        return None
-    return Ticks(where[0], where[1], origin)
-
-
-def _cap(steps: Array) -> float:
-    return float(6.0 * np.median(steps) + 1e-12)

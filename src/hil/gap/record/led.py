@@ -34,7 +34,7 @@ def replay_led(
     """
     twin = Twin(rig, smooth=True, payload=piece.payload)
     if piece.mode == "position":
-        return twin.record(piece.setpoints, stamps)
+        return twin.record(piece.setpoints, stamps, ticked=piece.ticked)
     measured = {
         a: piece.samples[f"{a}.position"]
         for a in rig.actuator_names

@@ -220,6 +220,33 @@ class Problem:
         per = len(jobs)
         return np.array([np.concatenate(flat[b * per : (b + 1) * per]) for b in range(len(rows))])
 
+    def forces_late(self, vector: Array, late_s: Sequence[float]) -> Array:
+        """(L, N) answers for one vector where forces and currents are answered `late_s` (L,) later."""
+        out = np.empty((len(late_s), self.size))
+        tasks = []
+        for s, piece in enumerate(self.pieces):
+            own = [x for x in self.series if x.stretch == s]
+            stamps = {
+                x.signal: np.sort(np.subtract.outer(self.t_s[x.part], late_s), axis=None)
+                if x.quantity in ("force", "current")
+                else self.t_s[x.part]
+                for x in own
+            }
+            tasks.append((self._job(piece, stamps), vector))
+        for s, ((job, _), flat) in enumerate(zip(tasks, run_all(tasks), strict=True)):
+            answers = job.by_signal(flat)
+            for x in self.series:
+                if x.stretch == s:
+                    answer = answers[x.signal]
+                    if x.quantity in ("force", "current"):
+                        every = np.subtract.outer(self.t_s[x.part], late_s)
+                        sorted_back = np.empty(every.size)
+                        sorted_back[np.argsort(every, axis=None, kind="stable")] = answer
+                        out[:, x.part] = sorted_back.reshape(every.shape).T
+                    else:
+                        out[:, x.part] = answer
+        return out
+
     def changes(self, vectors: Array, vector: Array, base: Array) -> Array:
         """(B, N) by how much the answers for B vectors differ from those for `vector`, which are `base`: of
         a twin with longer ticks where that tells as much (`hil.gap.record.coarse`)."""
