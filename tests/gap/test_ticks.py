@@ -5,6 +5,10 @@ import pytest
 
 from hil.bus.load import RECKONED_BITS
 from hil.configfile import load_rig
+from hil.gap.catalogue.nuisances import default_nuisances
+from hil.gap.floor.noise import find_noise
+from hil.gap.located.phase import begun
+from hil.gap.located.residual import refit
 from hil.gap.record.arrivals import find_clocks
 from hil.gap.record.fineness import fineness, quiet
 from hil.gap.record.problem import Problem
@@ -161,6 +165,31 @@ def test_targets_that_act_at_sync_are_taken_for_regular_however_their_frames_jit
     clocks = find_clocks(problem)
     assert clocks == {(0, "axis"): AtSync(FAST.bus.cycle)}
     assert worst_n(problem, clocks) < 4.2 < 0.7 * worst_n(problem, {})
+
+
+def test_drives_at_sync_whose_jitter_nothing_shows_are_taken_to_keep_step_with_it():
+    """Loops as slow as the bus: as they were sent, two would share a tick and the next have none."""
+    slow = FAST.model_copy(
+        update={"bus": FAST.bus.model_copy(update={"position_loop": 1e-3, "jitter": 5e-5})}
+    )
+    rng = np.random.default_rng(3)
+    due = np.arange(0.0, 8.0, slow.bus.cycle)
+    told = 0.05 * np.sin(2.0 * np.pi * 0.6 * due) * np.clip(due, 0.0, 1.0)
+    stamps = dict.fromkeys(("axis.position", "axis.force"), due + slow.bus.answer_delay)
+    acts_s = due - 0.5 * slow.bus.position_loop  # in step, they wait for no tick
+    made = Twin(slow, smooth=True).replay({"axis": (acts_s, told)}, stamps, ticked=["axis"])
+    noise = {"axis.position": slow.noise.position, "axis.force": 20.0}
+    samples = {s: (t, made[s] + noise[s] * rng.standard_normal(len(t))) for s, t in stamps.items()}
+    sent = due + slow.bus.jitter * rng.standard_normal(len(due))
+    problem = Problem(slow, [Stretch("slow", {"axis": (sent, told)}, samples)])
+    assert find_clocks(problem) == {(0, "axis"): AtSync(slow.bus.cycle)}
+    asked = default_nuisances(slow, problem.signals)
+    at = problem.with_clocks(find_clocks(problem))
+    noise_of = find_noise(at, at.base, rng, count=2)
+    best = refit(at, noise_of, asked, begun(at, noise_of, asked))
+    delay = next(f for f in best.fitted if f.name == "axis.transport_delay.delay")
+    late = next(f for f in best.fitted if f.name == "axis.position.sensor_latency.delay")
+    assert delay.change + late.change == pytest.approx(-5e-4, abs=5e-5)
 
 
 def test_what_sync_leaves_is_no_more_than_the_sensors_noise_has():

@@ -138,6 +138,28 @@ def test_smooth_arrivals_make_answers_smooth_in_a_delay() -> None:
     assert bend(smooth=False) > 2.0  # the drive waits for its next tick
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "linear_leads", "hold"])
+def test_where_each_setpoint_is_taken_at_a_tick_of_its_own_they_may_come_as_often_as_ticks(
+    interpolation: str,
+) -> None:
+    """As on a bus with SYNC: a motion that is told later by less than a tick comes later by just that."""
+    rig = load_rig("axis_canopen")
+    bus = rig.bus.model_copy(update={"position_loop": 1e-3, "interpolation": interpolation})
+    twin = Twin(rig.model_copy(update={"bus": bus}), smooth=True)
+    sent = np.arange(0.0, 2.0, bus.cycle)
+    told, stamps = 0.1 * np.clip(sent - 0.2, 0.0, None), np.arange(1.0, 1.5, bus.cycle)
+
+    def reached(late_s: float) -> float:
+        setpoints = {"axis": (sent + late_s, told)}
+        answers = twin.replay(setpoints, {"axis.position": stamps}, ticked=["axis"])
+        return float(np.mean(answers["axis.position"]))
+
+    for late_s in 5e-5 * np.arange(1, 20):
+        came_s = (reached(0.0) - reached(late_s)) / 0.1
+        # what is held begins at the nearest step of the model
+        assert came_s == pytest.approx(late_s, abs=2.6e-4 if interpolation == "hold" else 1e-6)
+
+
 def test_a_finer_plant_agrees_with_the_usual_one() -> None:
     stamps = np.arange(0.5, 2.0, 0.02)
     rig = load_rig("motorcycle")

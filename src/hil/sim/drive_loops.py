@@ -117,7 +117,7 @@ def reference(st, i, t):  # type: ignore[no-untyped-def]
     """(position, speed), or (force, slope), that drive i's present segment asks for at instant t."""
     if t >= st[lay.S_T1, i] - EPSILON_S:
         return st[lay.S_X1, i], 0.0
-    return st[lay.S_X0, i] + st[lay.S_SLOPE, i] * max(t - st[lay.S_T0, i], 0.0), st[lay.S_SLOPE, i]
+    return st[lay.S_X0, i] + st[lay.S_SLOPE, i] * (t - st[lay.S_T0, i]), st[lay.S_SLOPE, i]
 
 
 @inner
@@ -125,7 +125,7 @@ def _start_segment(header, lines, st, i, target, t):  # type: ignore[no-untyped-
     """`lines`: how the drive goes there, as H_LINEAR says it."""
     if lines == 0.0:
         st[lay.S_X1, i] = target
-        st[lay.S_T1, i] = t
+        st[lay.S_T1, i] = t - header[lay.H_DT]  # it holds at once, even if taken a little early
         return
     cycle = header[lay.H_CYCLE]
     tick = header[lay.H_DT] * header[lay.H_POSITION_TICKS]
@@ -199,7 +199,7 @@ def position_loops(header, act, st, t, k):  # type: ignore[no-untyped-def]
         if st[lay.S_MODE, i] != lay.MODE_POSITION:
             continue
         start, soon = t, EPSILON_S
-        if header[lay.H_SMOOTH] != 0.0:
+        if header[lay.H_SMOOTH] == 1.0 or header[lay.H_SMOOTH] != 0.0 < st[lay.S_TICKED, i]:
             start = st[lay.S_PENDING_T, i] + half
             if st[lay.S_TICKED, i] != 0.0:
                 soon = 0.5 * header[lay.H_DT]

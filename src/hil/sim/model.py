@@ -35,8 +35,9 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
     """Constants of the rig file's nominal model, without its `effects`; layout in `hil.sim.layout`.
 
     `substeps` divides the speed loop's period for the integration of the plant; `smooth`: setpoints act
-    between ticks (`hil.sim.drive_loops`), which has a meaning only where they come more rarely than ticks:
-    one that waited for the next tick would be replaced there by the next. ConfigError where the position
+    between ticks (`hil.sim.drive_loops`), which has a meaning only where they come more rarely than ticks, or
+    a drive's own ticks are known: else one that waited for the next tick would be replaced there by the next.
+    ConfigError where the position
     loop's period is no multiple of the speed loop's.
     """
     bus = rig.bus
@@ -50,11 +51,11 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
         raise ValueError("substeps must be 1 or more")
     geometry, body, gravity = pack_geometry(rig), pack_body(rig), pack_gravity(rig)
     feeds_static = any(a.law != "cascade" for a in rig.actuators)
-    is_smooth = smooth and bus.cycle > 1.5 * bus.position_loop
+    is_smooth = 0.0
+    if smooth:
+        is_smooth = 1.0 if bus.cycle > 1.5 * bus.position_loop else 2.0
     delay_s, lines = bus.setpoint_delay, lay.INTERPOLATIONS[bus.interpolation]
-    if (
-        is_smooth and lines == lay.LEADS
-    ):  # a tick early in all, and it is known how early a tick ago
+    if smooth and lines == lay.LEADS:  # a tick early in all, and it is known how early a tick ago
         delay_s, lines = delay_s - bus.position_loop, lay.INTERPOLATIONS["linear"]
     header = [
         float(kind_code(rig)), len(rig.actuators), bus.speed_loop, round(ticks), bus.cycle,

@@ -105,7 +105,7 @@ def default_nuisances(
         free(f"{a.name}.viscous_friction.coefficient", max(VISCOUS * a.viscous, 1e-3 * a.force_max))
         free(f"{a.name}.coulomb_friction.force", COULOMB * a.coulomb)
         if rig.bus.setpoint_delay > 0.0:
-            free(f"{a.name}.transport_delay.delay", FORCE_DELAY_S if are_forces else DELAY_S)
+            free(f"{a.name}.transport_delay.delay", FORCE_DELAY_S if are_forces else _delay_s(rig))
         for quantity, sd in LATENCY_S.items():
             if f"{a.name}.{quantity}" in known:
                 free(f"{a.name}.{quantity}.sensor_latency.delay", sd)
@@ -124,3 +124,11 @@ def default_nuisances(
         for c in "xyz":
             free(f"imu.sensor_misalignment.{c}", MISALIGNMENT_RAD)
     return tuple(n for n in out if n.sd > 0.0)
+
+
+def _delay_s(rig: RigFile) -> float:
+    """Of setpoints that are positions: where drives wait for SYNC, the place of their ticks in it is any, and
+    always the same."""
+    bus = rig.bus
+    place = bus.position_loop / math.sqrt(12.0) if bus.schedule == "fast" else 0.0
+    return math.hypot(DELAY_S, place)

@@ -17,6 +17,7 @@ from scipy.optimize import lsq_linear
 from hil.gap.catalogue.bank import ABSOLUTE, shifted
 from hil.gap.fits.about import TURNS, about, is_swinging
 from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of, weight
+from hil.gap.fits.instants import read_elsewhere
 from hil.gap.located.residual import nuisance_sensitivities, reach
 from hil.gap.record.leaf import Leaf
 from hil.gap.record.problem import LATENCY
@@ -95,7 +96,7 @@ def fit(
     lower = np.concatenate([least[held], [e[0] for e in ends]])
     upper = np.concatenate([most[held], [e[1] for e in ends]])
     spread = spread_of(c, white)
-    stalled = 0
+    stalled, is_elsewhere_tried = 0, False
     for _ in range(2 * rounds if is_swinging(names) else rounds):
         cost = _total(c, white, z, spread)
         A = _with_latencies(c, A, held, vector, residual)
@@ -133,7 +134,17 @@ def fit(
         enough = settled * max(cost / max(c.train.sum(), 1), LEAST_LEFT) * c.train.sum()
         stalled = 0 if gained > enough or spread < CALMER * before else stalled + 1
         if stalled > 1 or (stalled == 1 and share == 1.0):
-            break  # settled, or corrected sensitivities have not helped either
+            # settled, or corrected sensitivities have not helped either
+            if not is_elsewhere_tried:
+                is_elsewhere_tried = True
+                trial, moved = read_elsewhere(c, held, vector, z, spread)
+                answer_new = problem.answers(trial)[0]
+                white_new = c.noise.whiten(problem, problem.measured - answer_new)
+                if _total(c, white_new, moved, spread) < _total(c, white, z, spread) - enough:
+                    vector, answer, white, z = trial, answer_new, white_new, moved
+                    residual, stalled = problem.measured - answer, 0
+                    continue
+            break
     full_z = np.array(c.z)
     full_z[held] = z
     full_z[own] = 0.0

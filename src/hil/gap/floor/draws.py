@@ -18,7 +18,7 @@ from hil.bus.load import RECKONED_BITS
 from hil.config import RigFile
 from hil.gap.record.led import replay_led
 from hil.gap.record.problem import Problem, Series, run_all
-from hil.gap.record.ticks import AtSync, Ticks, acting, ticking
+from hil.gap.record.ticks import AtSync, Ticks, acting
 from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
@@ -61,9 +61,11 @@ def draws(
     leading: list[tuple[int, slice, Array]] = []
     for d in range(count):
         for k, piece in enumerate(problem.sent):
-            told, own = {}, {}
+            told, ticked = {}, []
             for a, (t, v) in piece.setpoints.items():
-                own[a] = ticks = problem.clocks.get((k, a)) or _anywhere(rig, rng)
+                ticks = problem.clocks.get((k, a)) or _anywhere(rig, rng)
+                if ticks is not None:
+                    ticked.append(a)
                 if isinstance(ticks, AtSync):
                     told[a] = (acting(rig, t, ticks.drawn(rng)), v)
                 else:
@@ -79,7 +81,7 @@ def draws(
                     noise = _sensed(base[x.part], rig, x, rng) - base[x.part]
                     leading.append((d, x.part, noise))
                     lead[x.actuator] = (stamps[x.signal], piece.samples[x.signal][1] - noise)
-            drawn = replace(piece, setpoints=told, ticked=ticking(own))
+            drawn = replace(piece, setpoints=told, ticked=ticked)
             tasks.append((replay_led(rig, drawn, stamps, lead), vector))
     flat = run_all(tasks)
     per = len(problem.sent)

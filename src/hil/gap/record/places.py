@@ -24,7 +24,7 @@ PLACES: Final = 32
 LATE: Final = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
 """Ticks by which forces may be answered later than the rig file says: how much of a tick an answer has seen
 depends on it as much as on the place."""
-SHIFTS: Final = (-0.5, -0.25, 0.0, 0.25, 0.5)
+SHIFTS: Final = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 """Ticks by which setpoints may act later than on average, without ticks: what a delay does tells of none."""
 WINDOW_S: Final = 2.0
 FASTEST: Final = 2e-4

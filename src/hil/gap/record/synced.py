@@ -1,8 +1,9 @@
 """Drives on a bus with SYNC: they take each target when SYNC comes, however its frame jittered.
 
-Where force has the finer structure of setpoints at regular instants, that is so. Such a drive may still act
-at the next tick of a clock of its own, which runs off that of the bus: it gets later and later by up to a
-tick and is early again. A position shows that in proportion to its speed.
+Where force has the finer structure of setpoints at regular instants, that is so, and where it tells of
+neither it is taken for so: loops keep step with SYNC. Such a drive may still act at the next tick of a clock
+of its own, which runs off that of the bus: it gets later and later by up to a tick and is early again. A
+position shows that in proportion to its speed.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ QUIET: Final = 0.7
 """Log of a force's fine structure over that of noise, up to which SYNC and late frames may leave it. Told one
 by one those take some off any; drives at SYNC had 0.2 left (six soft legs 0.5), those of other buses 1.1 and
 more [set on axis 135 and used-up cases of two worlds]."""
+IN_STEP: Final = 0.25
+"""Of a cycle, that frames may jitter by and are told by SYNC when to act, if nothing speaks against it."""
 ROUNDS: Final = (
     (1500, FASTEST, 2e-6, 0.5, 1.0 / 32.0),
     (3000, 2e-6, 2e-7, 1.0 / 16.0, 1.0 / 256.0),
@@ -43,8 +46,8 @@ SLIPS_S: Final = tuple(0.001 * k for k in range(-40, 13, 2))
 
 
 def at_sync(problem: Problem, vector: Array) -> Synced:
-    """The drives of each stretch whose force, of all of them together, says that setpoints act at SYNC; by
-    itself, or beside the frames that come too late for it.
+    """The drives of each stretch whose setpoints act at SYNC: the force of all of them says so, by itself or
+    beside the frames that come too late for it, or does not say that they act as they were sent.
 
     `vector` (P,): the twin that they are looked at beside.
     """
@@ -59,12 +62,25 @@ def at_sync(problem: Problem, vector: Array) -> Synced:
     if any(s.ticks for s in found.values()):
         found = _slid(problem, found, vector)
     late = with_latecomers(problem, {**tried, **found}, vector)
-    return found | _clearer(problem, late, vector)
+    usual = _clearer(problem, _in_step(problem, tried), vector, -CLEARER, np.inf)
+    return usual | found | _clearer(problem, late, vector)
 
 
-def _clearer(problem: Problem, clocks: Synced, vector: Array) -> Synced:
-    """Those of `clocks` in whose stretches force has clearly less of a structure of its own than beside
-    setpoints that act as they were sent, and hardly more than the sensors' noise has."""
+def _in_step(problem: Problem, clocks: Synced) -> Synced:
+    """Those of `clocks` whose frames come once a cycle."""
+
+    def jitter_s(k: int, actuator: str, synced: AtSync) -> float:
+        sent, _ = problem.sent[k].setpoints[actuator]
+        return float(np.std(sent - synced.regular(sent)))
+
+    return {key: s for key, s in clocks.items() if jitter_s(*key, s) < IN_STEP * s.cycle_s}
+
+
+def _clearer(
+    problem: Problem, clocks: Synced, vector: Array, least: float = CLEARER, loudest: float = QUIET
+) -> Synced:
+    """Those of `clocks` in whose stretches force has by `least` less of a structure of its own than beside
+    setpoints that act as they were sent, and by no more than `loudest` more than the sensors' noise has."""
     if not clocks:
         return {}
     as_sent = problem.predict(vector)[0]
@@ -79,7 +95,7 @@ def _clearer(problem: Problem, clocks: Synced, vector: Array) -> Synced:
     return {
         key: s
         for key, s in clocks.items()
-        if off[key[0]] > CLEARER * n and loud[key[0]] < QUIET * n
+        if off[key[0]] > least * n and loud[key[0]] < loudest * n
     }
 
 

@@ -100,18 +100,12 @@ def acting(rig: RigFile, t_sent: Array, ticks: Ticks | AtSync | None) -> Array:
     return np.asarray(np.maximum.accumulate(acts - delay - 0.5 * tick))
 
 
-def ticking(clocks: Mapping[str, Ticks | AtSync | None]) -> frozenset[str]:
-    """The actuators, by which `clocks` are, whose setpoints act at known ticks of the drive's own."""
-    return frozenset(
-        a for a, c in clocks.items() if (c.ticks if isinstance(c, AtSync) else c) is not None
-    )
-
-
 def at_ticks(rig: RigFile, pieces: Sequence[Stretch], clocks: Clocks) -> list[Stretch]:
-    """Stretches whose setpoints act at the ticks of the drives' clocks."""
+    """Stretches whose setpoints act at the ticks of the drives' clocks, where those are known; SYNC keeps
+    loops in step."""
     out = []
     for k, p in enumerate(pieces):
         own = {a: clocks.get((k, a)) for a in p.setpoints}
         told = {a: (acting(rig, t, own[a]), v) for a, (t, v) in p.setpoints.items()}
-        out.append(replace(p, setpoints=told, ticked=ticking(own)))
+        out.append(replace(p, setpoints=told, ticked={a for a, c in own.items() if c is not None}))
     return out
