@@ -67,7 +67,8 @@ def set_mode(act, st, i, mode):  # type: ignore[no-untyped-def]
     st[lay.S_X0, i] = asked
     st[lay.S_X1, i] = asked
     for row in (
-        lay.S_SLOPE, lay.S_AREF, lay.S_VREF, lay.S_FF, lay.S_HAS_PENDING, lay.S_FIFO_N, lay.S_FREF,
+        lay.S_SLOPE, lay.S_AREF, lay.S_VREF, lay.S_FF, lay.S_VHELD, lay.S_FHELD, lay.S_HAS_PENDING,
+        lay.S_FIFO_N, lay.S_FREF,
     ):  # fmt: skip
         st[row, i] = 0.0
     st[lay.S_T0, i] = -1.0
@@ -191,37 +192,49 @@ def limited(value, limit, knee):  # type: ignore[no-untyped-def]
 
 @inner
 def position_loops(header, act, st, t, k):  # type: ignore[no-untyped-def]
-    """Position loops of the drives that have a tick at the model's k-th: take setpoints, set speed reference
-    and pre-control."""
+    """Position loops of the drives that have a tick in the model's k-th step: take setpoints, set speed
+    reference and pre-control.
+
+    A drive's own tick lies anywhere in the step: what it sets is then that step's mean, so that all answers
+    are smooth in where it lies.
+    """
     ticks = int(header[lay.H_POSITION_TICKS])
     half = 0.5 * header[lay.H_DT] * ticks
     for i in range(st.shape[1]):
         if st[lay.S_MODE, i] != lay.MODE_POSITION:
             continue
+        is_ticked = ticks > 1 and st[lay.S_TICKED, i] != 0.0
         start, soon = t, EPSILON_S
-        if header[lay.H_SMOOTH] == 1.0 or header[lay.H_SMOOTH] != 0.0 < st[lay.S_TICKED, i]:
+        if header[lay.H_SMOOTH] == 1.0 or (header[lay.H_SMOOTH] != 0.0 and is_ticked):
             start = st[lay.S_PENDING_T, i] + half
-            if st[lay.S_TICKED, i] != 0.0:
-                soon = 0.5 * header[lay.H_DT]
+            if is_ticked:
+                soon = header[lay.H_DT] - EPSILON_S
         taken = st[lay.S_HAS_PENDING, i] != 0.0 and start <= t + soon
-        if taken and st[lay.S_TICKED, i] != 0.0:
-            st[lay.S_PHASE, i] = float(k % ticks)
-        if (k - int(st[lay.S_PHASE, i])) % ticks != 0:
+        if taken and is_ticked:
+            st[lay.S_PHASE, i] = k % ticks + max(start - t, 0.0) / header[lay.H_DT]
+        whole = math.floor(st[lay.S_PHASE, i])
+        st[lay.S_VREF, i], st[lay.S_FF, i] = st[lay.S_VHELD, i], st[lay.S_FHELD, i]
+        if (k - int(whole)) % ticks != 0:
             continue
+        before = st[lay.S_PHASE, i] - whole
+        ahead_s = before * header[lay.H_DT]
         if taken:
             st[lay.S_HAS_PENDING, i] = 0.0
             _start_segment(header, header[lay.H_LINEAR], st, i, st[lay.S_PENDING, i], start)
         _play(header, st, i, t)
-        x_ref, speed = reference(st, i, t)
+        x_ref, speed = reference(st, i, t + ahead_s)
         cycle_ends = st[lay.S_T0, i] + header[lay.H_CYCLE] - EPSILON_S
-        acceleration = st[lay.S_AREF, i] if t < cycle_ends else 0.0
+        acceleration = st[lay.S_AREF, i] if t + ahead_s < cycle_ends else 0.0
         ahead = act[lay.A_KFA, i] * act[lay.A_MEFF, i] * acceleration
         if act[lay.A_KFF, i] != 0.0 and speed != 0.0:
             coulomb = math.copysign(act[lay.A_FF_COULOMB, i], speed)
             ahead += act[lay.A_KFF, i] * (act[lay.A_FF_VISCOUS, i] * speed + coulomb)
-        v_ref = act[lay.A_KP, i] * (x_ref - st[lay.S_XD, i]) + act[lay.A_KFV, i] * speed
-        st[lay.S_VREF, i] = limited(v_ref, act[lay.A_VMAX, i], act[lay.A_VKNEE, i])
-        st[lay.S_FF, i] = ahead
+        x = st[lay.S_XD, i] + st[lay.S_VD, i] * ahead_s
+        v_ref = act[lay.A_KP, i] * (x_ref - x) + act[lay.A_KFV, i] * speed
+        st[lay.S_VHELD, i] = limited(v_ref, act[lay.A_VMAX, i], act[lay.A_VKNEE, i])
+        st[lay.S_FHELD, i] = ahead
+        st[lay.S_VREF, i] += (1.0 - before) * (st[lay.S_VHELD, i] - st[lay.S_VREF, i])
+        st[lay.S_FF, i] += (1.0 - before) * (ahead - st[lay.S_FF, i])
 
 
 @inner

@@ -137,16 +137,16 @@ BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
     S_MODE, S_BRAKE, S_PENDING, S_PENDING_T, S_HAS_PENDING,
     S_FIFO, S_FIFO_1, S_FIFO_2, S_FIFO_3, S_FIFO_T, S_FIFO_T1, S_FIFO_T2, S_FIFO_T3, S_FIFO_N,
     S_PLAY, S_IDLE, S_STATIC, S_XD, S_VD, S_BRISTLE, S_PULL, S_GUIDE,
-    S_TICKED, S_PHASE,
-) = range(47)  # fmt: skip
-S_ROWS = 47
+    S_TICKED, S_PHASE, S_VHELD, S_FHELD,
+) = range(49)  # fmt: skip
+S_ROWS = 49
 """Rows of the state: pose, its rates; motor velocity, actuator rate and position; wind-up of motor against
 load, contact, hysteresis, slip direction, friction force, transmitted force; current's force, force
 reference, integrator, speed reference, pre-control; segment of the setpoint, position or force; mode,
 brake; setpoints that wait; static force of the pose; position and velocity as the drive's encoder gives
 them; force of bent bristles; acceleration that leads a replay to what was measured; force of the bristles
-of the load's guides; whether setpoints reach a smooth twin's drive as its own ticks take them, and at which
-of the model's ticks its position loop then has its own."""
+of the load's guides; whether setpoints reach a smooth twin's drive as its own ticks take them, and where in
+the model's steps its position loop then has its own; speed reference and pre-control that it has set last."""
 S_TAIL = 13
 """Twelve values of the IMU filter, then the tick."""
 

@@ -2,7 +2,8 @@
 
 A drive's force swings within each tick of its position loop, as setpoints that are joined by lines kick it.
 At which instant of the tick it is read, no rig file tells, and half a tick from the true one no slope leads
-there: it looks like another mass.
+there: it looks like another mass. Where loops keep step with SYNC, none tells either how long after it they
+have their tick: a force half a tick early then looks as if it were read half a tick late.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from hil.gap.catalogue.nuisances import LIMIT, Nuisance
 from hil.gap.floor.noise import NoiseModel
-from hil.gap.located.residual import expected
+from hil.gap.located.residual import cost, expected
 from hil.gap.record.problem import LATENCY, Problem
 
 Array = NDArray[np.float64]
@@ -26,11 +27,15 @@ NOISE: Final = 1.05
 """Mean size of what may be left then, whitened, 0.8 of noise alone: another mass is no half tick, which
 explains it all or is not it."""
 FORCES: Final = ("force", "current")
+DELAY: Final = ".transport_delay.delay"
+PLACES: Final = (0.0, -0.5, -0.375, -0.25, -0.125, 0.125, 0.25, 0.375, 0.5)
+"""Ticks from the middle of one at which loops in step with SYNC are tried."""
 
 
 def begun(problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance]) -> Array:
-    """Where the nuisances are thought to be (P,), each force's latency at whichever of three leaves least."""
-    vector = expected(problem, nuisances)
+    """Where the nuisances are thought to be (P,), ticks in step with SYNC where they leave least, each
+    force's latency at whichever of three leaves least."""
+    vector = _in_step(problem, noise, nuisances, expected(problem, nuisances))
     half_s = 0.5 * problem.rig.bus.position_loop
     late = [
         (n.name.removesuffix(LATENCY), problem.table.index(n.name))
@@ -55,3 +60,27 @@ def begun(problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance]) ->
         if size[best] < min(MUCH * size[0], NOISE):
             vector[k] = rows[best, k]
     return vector
+
+
+def _in_step(
+    problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance], vector: Array
+) -> Array:
+    """`vector` (P,) with the delay of each drive on a bus with SYNC at which all that it answers leaves
+    least, within half a tick of the rig file's."""
+    bus, out = problem.rig.bus, np.array(vector)
+    delays = {n.name: n.sd for n in nuisances if n.name.endswith(DELAY)}
+    if bus.schedule != "fast" or bus.retimed or problem.are_forces or not delays:
+        return out
+    index = [problem.table.index(name) for name in delays]
+    rows = np.tile(vector, (len(PLACES), 1))
+    rows[:, index] += bus.position_loop * np.array(PLACES)[:, None]
+    left = [noise.whiten(problem, problem.measured - a) for a in problem.answers(rows)]
+    for name, k in zip(delays, index, strict=True):
+        own = np.zeros(problem.size, dtype=bool)
+        for x in problem.series:
+            own[x.part] |= x.actuator == name.removesuffix(DELAY)
+        judged = own & problem.kept
+        z = bus.position_loop * np.array(PLACES)[:, None] / delays[name]
+        sizes = [cost(w[judged], z_of, problem.discount) for w, z_of in zip(left, z, strict=True)]
+        out[k] = rows[int(np.argmin(sizes)), k]
+    return out

@@ -73,7 +73,7 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
 def _as_clear(
     problem: Problem, found: Mapping[tuple[int, str], Ticks], synced: Synced, vector: Array
 ) -> dict[tuple[int, str], Ticks]:
-    """Those of `found` beside which force is as clear as where setpoints act at SYNC, the late frames told
+    """Those of `found` beside which force is clearer than where setpoints act at SYNC, the late frames told
     there set off: drives that take setpoints as they come, of which stamps tell what is late."""
     if not found:
         return {}
@@ -91,7 +91,7 @@ def _as_clear(
     return {
         key: ticks
         for key, ticks in found.items()
-        if fineness(problem, *key, own) < fineness(problem, *key, regular) + CLEARER + told(key)
+        if fineness(problem, *key, own) < fineness(problem, *key, regular) - CLEARER + told(key)
     }
 
 

@@ -8,6 +8,9 @@ along with the place; what frames make of the place alone, calibration makes of 
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,7 +18,8 @@ from numpy.typing import NDArray
 
 from hil.gap.record.fineness import CLEARER, fine_structure
 from hil.gap.record.problem import Problem
-from hil.gap.record.ticks import Ticks
+from hil.gap.record.ticks import Ticks, acting
+from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
 
@@ -24,7 +28,7 @@ PLACES: Final = 32
 LATE: Final = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
 """Ticks by which forces may be answered later than the rig file says: how much of a tick an answer has seen
 depends on it as much as on the place."""
-SHIFTS: Final = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
+SHIFTS: Final = (0.0, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 """Ticks by which setpoints may act later than on average, without ticks: what a delay does tells of none."""
 WINDOW_S: Final = 2.0
 FASTEST: Final = 2e-4
@@ -36,76 +40,116 @@ ENOUGH: Final = 12
 
 
 def find_places(problem: Problem, vector: Array) -> tuple[dict[tuple[int, str], Ticks], Array]:
-    """The drives of which some place of the ticks makes their force clearer than any delay does, and that
-    place; `vector` (P,) with answers as late as they then seem."""
-    rig, pieces = problem.rig, problem.pieces
+    """The drives of which some place of the ticks makes their force clearer than any delay does, and than no
+    ticks with the same delay on average, and that place; `vector` (P,) with answers as late as they then
+    seem."""
+    rig = problem.rig
     tick, late_s = rig.bus.position_loop, [k * rig.bus.position_loop for k in LATE]
     own = [problem.table.index(f"{a}.transport_delay.delay") for a in rig.actuator_names]
-    without = []
+    keys = [
+        (k, a)
+        for k, piece in enumerate(problem.pieces)
+        for a in rig.actuator_names
+        if piece.mode == "position"
+    ]
+    flats = []
     for by in SHIFTS:
         row = np.array(vector)
         row[own] += by * tick
-        without.append(problem.forces_late(row, late_s))
-    flats = []
+        flats.append(problem.forces_late(row, late_s))
     for p in range(PLACES):
         ticks = Ticks(p * tick / PLACES, 0.0, 0.0)
-        clocks = {(k, a): ticks for k in range(len(pieces)) for a in rig.actuator_names}
-        flats.append(problem.with_clocks(clocks).forces_late(vector, late_s))
-    found, answered = {}, np.array(vector)
-    for a in rig.actuator_names:
-        answers_s = []
-        for k in range(len(pieces)):
-            best = _best(problem, k, a, np.array(without + flats))
-            if pieces[k].mode == "position" and best is not None:
-                found[k, a] = best[0]
-                answers_s.append(best[1])
-        if answers_s:
-            for q in ("force", "current"):
-                answered[problem.table.index(f"{a}.{q}.sensor_latency.delay")] += float(
-                    np.median(answers_s)
-                )
+        flats.append(problem.with_clocks(dict.fromkeys(keys, ticks)).forces_late(vector, late_s))
+    best = {key: _best(problem, key, np.array(flats)) for key in keys}
+    clearest = {key: found for key, found in best.items() if found is not None}
+    usual = flats[SHIFTS.index(0.0)]
+    even = _evenly(problem, {key: b.ticks for key, b in clearest.items()})
+    stacked = np.array([usual, even.forces_late(vector, late_s, in_step=True)])
+    found, answers_s = {}, defaultdict(list)
+    for key, b in clearest.items():
+        table = _sizes(problem, key, stacked).table
+        if float(np.mean(table[b.late, :, 1])) - b.size >= CLEARER:
+            found[key] = b.ticks
+            answers_s[key[1]].append(late_s[b.late])
+    answered = np.array(vector)
+    for a, told in answers_s.items():
+        for q in ("force", "current"):
+            i = problem.table.index(f"{a}.{q}.sensor_latency.delay")
+            answered[i] += float(np.median(told))
     return found, answered
 
 
-def _best(
-    problem: Problem, stretch: int, actuator: str, flats: Array
-) -> tuple[Ticks, float] | None:
-    """Ticks of one drive and how late it answers, s; `flats` (SHIFTS + PLACES, LATE, N): what the twin does
-    without ticks and with them at each place."""
-    tick = problem.rig.bus.position_loop
-    tables = []
-    t, count = np.empty(0), 0
+def _evenly(problem: Problem, found: Mapping[tuple[int, str], Ticks]) -> Problem:
+    """The same problem without ticks, setpoints of those `found` as late as they are there on average."""
+
+    def shifted(k: int, piece: Stretch) -> Stretch:
+        told = dict(piece.setpoints)
+        for a, (t, v) in piece.setpoints.items():
+            if (k, a) in found and len(t):
+                told[a] = t + float(np.mean(acting(problem.rig, t, found[k, a]) - t)), v
+        return replace(piece, setpoints=told)
+
+    return problem.on([shifted(k, p) for k, p in enumerate(problem.sent)], {})
+
+
+@dataclass(frozen=True, slots=True)
+class _Best:
+    """Of one drive: where its ticks seem to lie, which of LATE its answers are, and what is left then."""
+
+    ticks: Ticks
+    late: int
+    size: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Sizes:
+    """Log of the fine structure of one drive's force: `table` (LATE, W, F) in W windows about `t` (W,)."""
+
+    table: Array
+    t: Array
+    count: int
+    """Of its steps."""
+
+
+def _sizes(problem: Problem, key: tuple[int, str], flats: Array) -> _Sizes:
+    """Beside F predictions `flats` (F, LATE, N); what is far above the usual counts no more."""
+    tables: list[list[Array]] = []
+    centres: list[float] = []
+    count = 0
     for late in range(len(LATE)):
-        sizes, centres, count = [], [], 0
-        for stamps, steps, kept in fine_structure(problem, stretch, actuator, list(flats[:, late])):
-            most = _cap(steps[SHIFTS.index(0.0)])
+        tables.append([])
+        centres, count = [], 0
+        for stamps, steps, kept in fine_structure(problem, *key, list(flats[:, late])):
+            most = 6.0 * float(np.median(steps[0])) + 1e-12
             for start in np.arange(stamps[0], stamps[-1], WINDOW_S):
                 inside = ((stamps >= start) & (stamps < start + WINDOW_S))[1:] & kept
                 if inside.sum() >= ENOUGH:
-                    own = np.minimum(steps[:, inside], most) ** 2
-                    sizes.append(np.log(np.mean(own, axis=1) + 1e-300))
-                    centres.append(start + 0.5 * WINDOW_S)
+                    power = np.mean(np.minimum(steps[:, inside], most) ** 2, axis=1)
+                    tables[-1].append(0.5 * np.log(power + 1e-300))
+                    centres.append(float(start) + 0.5 * WINDOW_S)
                     count += int(inside.sum())
-        if len(sizes) < 3:
-            return None
-        tables.append(0.5 * np.array(sizes))
-        t = np.array(centres)
-    origin = float(t[0])
-    without, at_places = np.split(np.array(tables), [len(SHIFTS)], axis=2)
-    best, where = np.inf, (Ticks(0.0, 0.0, origin), 0.0)
-    rows = np.arange(len(t))
+    return _Sizes(np.array(tables), np.array(centres), count)
+
+
+def _best(problem: Problem, key: tuple[int, str], flats: Array) -> _Best | None:
+    """`flats` (SHIFTS + PLACES, LATE, N): answers without ticks, and with them at each place; None where any
+    delay does as well as the best of these."""
+    tick = problem.rig.bus.position_loop
+    seen = _sizes(problem, key, flats)
+    if len(seen.t) < 3:
+        return None
+    origin = float(seen.t[0])
+    without, at_places = np.split(seen.table, [len(SHIFTS)], axis=2)
+    best = _Best(Ticks(0.0, 0.0, origin), 0, np.inf)
+    rows = np.arange(len(seen.t))
     for rate in np.arange(-FASTEST, FASTEST + 1e-12, RATE_STEP):
-        shift = rate * (t - origin) / tick
-        unlikely = 0.5 * (rate / USUAL) ** 2 / count
+        shift = rate * (seen.t - origin) / tick
+        unlikely = 0.5 * (rate / USUAL) ** 2 / seen.count
         for p in range(PLACES):
             k = np.round(p + shift * PLACES).astype(np.int64) % PLACES
             totals = np.mean(at_places[:, rows, k], axis=1) + unlikely
-            least = int(np.argmin(totals))
-            if totals[least] < best:
-                best = float(totals[least])
-                where = Ticks(p * tick / PLACES, float(rate), origin), LATE[least] * tick
-    return where if best <= float(np.mean(without, axis=1).min()) - CLEARER else None
-
-
-def _cap(steps: Array) -> float:
-    return float(6.0 * np.median(steps) + 1e-12)
+            late = int(np.argmin(totals))
+            if totals[late] < best.size:
+                ticks = Ticks(p * tick / PLACES, float(rate), origin)
+                best = _Best(ticks, late, float(totals[late]))
+    return best if best.size <= float(np.mean(without, axis=1).min()) - CLEARER else None

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -220,8 +220,11 @@ class Problem:
         per = len(jobs)
         return np.array([np.concatenate(flat[b * per : (b + 1) * per]) for b in range(len(rows))])
 
-    def forces_late(self, vector: Array, late_s: Sequence[float]) -> Array:
-        """(L, N) answers for one vector where forces and currents are answered `late_s` (L,) later."""
+    def forces_late(
+        self, vector: Array, late_s: Sequence[float], *, in_step: bool = False
+    ) -> Array:
+        """(L, N) answers for one vector where forces and currents are answered `late_s` (L,) later;
+        `in_step`: of drives whose loops have a tick whenever a setpoint acts."""
         out = np.empty((len(late_s), self.size))
         tasks = []
         for s, piece in enumerate(self.pieces):
@@ -232,7 +235,8 @@ class Problem:
                 else self.t_s[x.part]
                 for x in own
             }
-            tasks.append((self._job(piece, stamps), vector))
+            ticked = self.rig.actuator_names if in_step else piece.ticked
+            tasks.append((self._job(replace(piece, ticked=ticked), stamps), vector))
         for s, ((job, _), flat) in enumerate(zip(tasks, run_all(tasks), strict=True)):
             answers = job.by_signal(flat)
             for x in self.series:
