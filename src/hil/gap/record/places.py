@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -28,7 +29,7 @@ PLACES: Final = 32
 LATE: Final = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
 """Ticks by which forces may be answered later than the rig file says: how much of a tick an answer has seen
 depends on it as much as on the place."""
-SHIFTS: Final = (0.0, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
+SHIFTS: Final = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 """Ticks by which setpoints may act later than on average, without ticks: what a delay does tells of none."""
 WINDOW_S: Final = 2.0
 FASTEST: Final = 2e-4
@@ -37,6 +38,9 @@ RATE_STEP: Final = 2e-6
 USUAL: Final = 5e-5
 """Standard deviation of that: where frames never come near a tick, little tells of a drift."""
 ENOUGH: Final = 12
+"""Steps of a force from which on a window tells anything."""
+FEWEST: Final = 3
+"""Windows from which on a record does."""
 
 
 def find_places(problem: Problem, vector: Array) -> tuple[dict[tuple[int, str], Ticks], Array]:
@@ -52,23 +56,33 @@ def find_places(problem: Problem, vector: Array) -> tuple[dict[tuple[int, str], 
         for a in rig.actuator_names
         if piece.mode == "position"
     ]
-    flats = []
-    for by in SHIFTS:
+
+    def delayed(by: float) -> Array:
         row = np.array(vector)
         row[own] += by * tick
-        flats.append(problem.forces_late(row, late_s))
-    for p in range(PLACES):
-        ticks = Ticks(p * tick / PLACES, 0.0, 0.0)
-        flats.append(problem.with_clocks(dict.fromkeys(keys, ticks)).forces_late(vector, late_s))
-    best = {key: _best(problem, key, np.array(flats)) for key in keys}
-    clearest = {key: found for key, found in best.items() if found is not None}
-    usual = flats[SHIFTS.index(0.0)]
+        return problem.forces_late(row, late_s)
+
+    def placed(place: int) -> Array:
+        ticks = Ticks(place * tick / PLACES, 0.0, 0.0)
+        return problem.with_clocks(dict.fromkeys(keys, ticks)).forces_late(vector, late_s)
+
+    usual = delayed(0.0)
+    seen = {key: _Seen.of(problem, key, usual) for key in keys}
+    seen = {key: x for key, x in seen.items() if len(x.t) >= FEWEST}
+    sizes: dict[tuple[int, str], list[Array]] = {key: [] for key in seen}
+    for answers in chain(map(delayed, SHIFTS), map(placed, range(PLACES))):
+        for key, x in seen.items():
+            sizes[key].append(x.sizes(problem, key, answers))
+    best = {key: _best(seen[key], np.array(table), tick) for key, table in sizes.items()}
+    clearest = {key: b for key, b in best.items() if b is not None}
+    if not clearest:
+        return {}, np.array(vector)
     even = _evenly(problem, {key: b.ticks for key, b in clearest.items()})
-    stacked = np.array([usual, even.forces_late(vector, late_s, in_step=True)])
+    evenly = even.forces_late(vector, late_s, in_step=True)
     found, answers_s = {}, defaultdict(list)
     for key, b in clearest.items():
-        table = _sizes(problem, key, stacked).table
-        if float(np.mean(table[b.late, :, 1])) - b.size >= CLEARER:
+        without = seen[key].sizes(problem, key, evenly)[b.late]
+        if float(np.mean(without)) - b.size >= CLEARER:
             found[key] = b.ticks
             answers_s[key[1]].append(late_s[b.late])
     answered = np.array(vector)
@@ -102,54 +116,60 @@ class _Best:
 
 
 @dataclass(frozen=True, slots=True)
-class _Sizes:
-    """Log of the fine structure of one drive's force: `table` (LATE, W, F) in W windows about `t` (W,)."""
+class _Seen:
+    """Where one drive's force is looked at: W windows about `t` (W,)."""
 
-    table: Array
     t: Array
-    count: int
-    """Of its steps."""
+    inside: tuple[tuple[int, NDArray[np.bool_]], ...]
+    """Of each window: which of the drive's signals, and which of its steps (M - 1,)."""
+    most: tuple[Array, ...]
+    """Of each signal (LATE,): steps that are larger count no more than that."""
 
-
-def _sizes(problem: Problem, key: tuple[int, str], flats: Array) -> _Sizes:
-    """Beside F predictions `flats` (F, LATE, N); what is far above the usual counts no more."""
-    tables: list[list[Array]] = []
-    centres: list[float] = []
-    count = 0
-    for late in range(len(LATE)):
-        tables.append([])
-        centres, count = [], 0
-        for stamps, steps, kept in fine_structure(problem, *key, list(flats[:, late])):
-            most = 6.0 * float(np.median(steps[0])) + 1e-12
+    @staticmethod
+    def of(problem: Problem, key: tuple[int, str], usual: Array) -> _Seen:
+        """Of the drive `key`, whose force counts beside the answers `usual` (LATE, N)."""
+        centres, windows, most = [], [], []
+        for k, (stamps, steps, kept) in enumerate(fine_structure(problem, *key, list(usual))):
+            most.append(6.0 * np.median(steps, axis=1) + 1e-12)
             for start in np.arange(stamps[0], stamps[-1], WINDOW_S):
                 inside = ((stamps >= start) & (stamps < start + WINDOW_S))[1:] & kept
                 if inside.sum() >= ENOUGH:
-                    power = np.mean(np.minimum(steps[:, inside], most) ** 2, axis=1)
-                    tables[-1].append(0.5 * np.log(power + 1e-300))
+                    windows.append((k, inside))
                     centres.append(float(start) + 0.5 * WINDOW_S)
-                    count += int(inside.sum())
-    return _Sizes(np.array(tables), np.array(centres), count)
+        return _Seen(np.array(centres), tuple(windows), tuple(most))
+
+    @property
+    def count(self) -> int:
+        """Steps that are looked at."""
+        return sum(int(inside.sum()) for _, inside in self.inside)
+
+    def sizes(self, problem: Problem, key: tuple[int, str], answers: Array) -> Array:
+        """(LATE, W) log of the fine structure of the drive `key` beside `answers` (LATE, N)."""
+        every = [
+            np.minimum(steps, most[:, None]) ** 2
+            for (_, steps, _), most in zip(
+                fine_structure(problem, *key, list(answers)), self.most, strict=True
+            )
+        ]
+        powers = [np.mean(every[k][:, inside], axis=1) for k, inside in self.inside]
+        return np.asarray(0.5 * np.log(np.stack(powers, axis=1) + 1e-300))
 
 
-def _best(problem: Problem, key: tuple[int, str], flats: Array) -> _Best | None:
-    """`flats` (SHIFTS + PLACES, LATE, N): answers without ticks, and with them at each place; None where any
+def _best(seen: _Seen, table: Array, tick_s: float) -> _Best | None:
+    """`table` (SHIFTS + PLACES, LATE, W): sizes without ticks, and with them at each place; None where any
     delay does as well as the best of these."""
-    tick = problem.rig.bus.position_loop
-    seen = _sizes(problem, key, flats)
-    if len(seen.t) < 3:
-        return None
     origin = float(seen.t[0])
-    without, at_places = np.split(seen.table, [len(SHIFTS)], axis=2)
+    without, at_places = np.split(table, [len(SHIFTS)])
     best = _Best(Ticks(0.0, 0.0, origin), 0, np.inf)
-    rows = np.arange(len(seen.t))
+    columns = np.arange(len(seen.t))
     for rate in np.arange(-FASTEST, FASTEST + 1e-12, RATE_STEP):
-        shift = rate * (seen.t - origin) / tick
+        shift = rate * (seen.t - origin) / tick_s
         unlikely = 0.5 * (rate / USUAL) ** 2 / seen.count
         for p in range(PLACES):
             k = np.round(p + shift * PLACES).astype(np.int64) % PLACES
-            totals = np.mean(at_places[:, rows, k], axis=1) + unlikely
+            totals = np.mean(at_places[k, :, columns], axis=0) + unlikely
             late = int(np.argmin(totals))
             if totals[late] < best.size:
-                ticks = Ticks(p * tick / PLACES, float(rate), origin)
+                ticks = Ticks(p * tick_s / PLACES, float(rate), origin)
                 best = _Best(ticks, late, float(totals[late]))
-    return best if best.size <= float(np.mean(without, axis=1).min()) - CLEARER else None
+    return best if best.size <= float(np.mean(without, axis=2).min()) - CLEARER else None
