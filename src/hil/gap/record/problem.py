@@ -226,29 +226,28 @@ class Problem:
         """(L, N) answers for one vector where forces and currents are answered `late_s` (L,) later;
         `in_step`: of drives whose loops have a tick whenever a setpoint acts."""
         out = np.empty((len(late_s), self.size))
+        asked = [
+            np.subtract.outer(self.t_s[x.part], late_s)
+            if x.quantity in ("force", "current")
+            else self.t_s[x.part][:, None]
+            for x in self.series
+        ]
+        orders = [np.argsort(t, axis=None, kind="stable") for t in asked]
         tasks = []
         for s, piece in enumerate(self.pieces):
-            own = [x for x in self.series if x.stretch == s]
             stamps = {
-                x.signal: np.sort(np.subtract.outer(self.t_s[x.part], late_s), axis=None)
-                if x.quantity in ("force", "current")
-                else self.t_s[x.part]
-                for x in own
+                x.signal: t.ravel()[order]
+                for x, t, order in zip(self.series, asked, orders, strict=True)
+                if x.stretch == s
             }
             ticked = self.rig.actuator_names if in_step else piece.ticked
             tasks.append((self._job(replace(piece, ticked=ticked), stamps), vector))
-        for s, ((job, _), flat) in enumerate(zip(tasks, run_all(tasks), strict=True)):
-            answers = job.by_signal(flat)
-            for x in self.series:
-                if x.stretch == s:
-                    answer = answers[x.signal]
-                    if x.quantity in ("force", "current"):
-                        every = np.subtract.outer(self.t_s[x.part], late_s)
-                        sorted_back = np.empty(every.size)
-                        sorted_back[np.argsort(every, axis=None, kind="stable")] = answer
-                        out[:, x.part] = sorted_back.reshape(every.shape).T
-                    else:
-                        out[:, x.part] = answer
+        flats = run_all(tasks)
+        for x, t, order in zip(self.series, asked, orders, strict=True):
+            job, _ = tasks[x.stretch]
+            answers = np.empty(t.size)
+            answers[order] = job.by_signal(flats[x.stretch])[x.signal]
+            out[:, x.part] = answers.reshape(t.shape).T
         return out
 
     def changes(self, vectors: Array, vector: Array, base: Array) -> Array:
