@@ -205,7 +205,8 @@ def position_loops(header, act, st, t, k):  # type: ignore[no-untyped-def]
             continue
         is_ticked = ticks > 1 and st[lay.S_TICKED, i] != 0.0
         start, soon = t, EPSILON_S
-        if header[lay.H_SMOOTH] == 1.0 or (header[lay.H_SMOOTH] != 0.0 and is_ticked):
+        who = header[lay.H_SMOOTH]
+        if who == lay.ALL_SMOOTH or (who == lay.TICKED_SMOOTH and is_ticked):
             start = st[lay.S_PENDING_T, i] + half
             if is_ticked:
                 soon = header[lay.H_DT] - EPSILON_S

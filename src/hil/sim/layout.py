@@ -103,10 +103,11 @@ H_KIND, H_N, H_DT, H_POSITION_TICKS, H_CYCLE, H_SETPOINT_DELAY, H_LINEAR, H_RETI
 HEADER = 18
 """Header: kind, n, s per tick, ticks per position loop, s per cycle, s, flags, steps per tick, length of
 the geometry, whether there is an IMU, whether a static-force feed-forward acts, the group delay left in
-the IMU's answers s, delay of the drives' answers s, whether arrivals act between ticks (1) or those of
-drives with known ticks of their own alone (2), whether forces that
+the IMU's answers s, delay of the drives' answers s, whose arrivals act between ticks, whether forces that
 drives are told are drawn out in lines, how long the first drive waits for its clock s, and
 how much less than the one before it each of the others s."""
+NONE_SMOOTH, ALL_SMOOTH, TICKED_SMOOTH = 0.0, 1.0, 2.0
+"""Values of H_SMOOTH; the last: arrivals at drives whose own ticks are known."""
 RESTS = 2.0
 LEADS = 3.0
 INTERPOLATIONS = {"hold": 0.0, "linear": 1.0, "linear_rests": RESTS, "linear_leads": LEADS}

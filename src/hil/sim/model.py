@@ -37,8 +37,7 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
     `substeps` divides the speed loop's period for the integration of the plant; `smooth`: setpoints act
     between ticks (`hil.sim.drive_loops`), which has a meaning only where they come more rarely than ticks, or
     a drive's own ticks are known: else one that waited for the next tick would be replaced there by the next.
-    ConfigError where the position
-    loop's period is no multiple of the speed loop's.
+    ConfigError where the position loop's period is no multiple of the speed loop's.
     """
     bus = rig.bus
     ticks = bus.position_loop / bus.speed_loop
@@ -51,9 +50,9 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
         raise ValueError("substeps must be 1 or more")
     geometry, body, gravity = pack_geometry(rig), pack_body(rig), pack_gravity(rig)
     feeds_static = any(a.law != "cascade" for a in rig.actuators)
-    is_smooth = 0.0
+    who = lay.NONE_SMOOTH
     if smooth:
-        is_smooth = 1.0 if bus.cycle > 1.5 * bus.position_loop else 2.0
+        who = lay.ALL_SMOOTH if bus.cycle > 1.5 * bus.position_loop else lay.TICKED_SMOOTH
     delay_s, lines = bus.setpoint_delay, lay.INTERPOLATIONS[bus.interpolation]
     if smooth and lines == lay.LEADS:  # a tick early in all, and it is known how early a tick ago
         delay_s, lines = delay_s - bus.position_loop, lay.INTERPOLATIONS["linear"]
@@ -61,7 +60,7 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
         float(kind_code(rig)), len(rig.actuators), bus.speed_loop, round(ticks), bus.cycle,
         delay_s, lines, bus.retimed, substeps, len(geometry),
         rig.imu is not None, feeds_static, rig.imu.delay if rig.imu else 0.0,
-        bus.answer_delay, is_smooth,
+        bus.answer_delay, who,
         lay.INTERPOLATIONS[bus.force_interpolation], bus.waits_s(0), bus.waits_s(0) - bus.waits_s(1),
     ]  # fmt: skip
     return np.concatenate(
