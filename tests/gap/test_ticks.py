@@ -279,16 +279,25 @@ def test_frames_that_come_now_before_a_tick_now_after_it_are_none_that_miss_a_sy
     assert place == pytest.approx(3e-4, abs=5e-5)
 
 
+def resting(duration_s, answers_s):
+    """A rig whose drive rests at setpoints, what it is told, with jitter, and when it answers: so long after
+    each setpoint came, between the two `answers_s`."""
+    rig = AXIS.model_copy(
+        update={"bus": AXIS.bus.model_copy(update={"interpolation": "linear_rests"})}
+    )
+    rng, bus = np.random.default_rng(8), rig.bus
+    due = np.arange(0.0, duration_s, bus.cycle)
+    sent = due + rng.uniform(0.0, 6e-4, len(due))
+    told = 0.05 * np.sin(2.0 * np.pi * 0.8 * sent) * np.clip(sent, 0.0, 1.0)
+    after_s = bus.setpoint_delay + bus.answer_delay + rng.uniform(*answers_s, len(due))
+    return rig, sent, told, sent + after_s
+
+
 @pytest.mark.parametrize("shift_s", [0.0, 0.00025, 0.0005, 0.00075])
 def test_forces_read_soon_after_setpoints_have_seen_as_much_of_the_drives_tick(shift_s):
     """A drive that rests at each setpoint drops its force for that tick: which answers see it says the place
     of its ticks, wherever those lie."""
-    bus = AXIS.bus.model_copy(update={"interpolation": "linear_rests"})
-    rig = AXIS.model_copy(update={"bus": bus})
-    rng = np.random.default_rng(8)
-    sent = np.arange(0.0, 6.0, bus.cycle) + rng.uniform(0.0, 5e-4, 600)
-    told = 0.05 * np.sin(2.0 * np.pi * 0.8 * sent) * np.clip(sent, 0.0, 1.0)
-    answered = sent + bus.setpoint_delay + bus.answer_delay + rng.uniform(1e-4, 9e-4, 600)
+    rig, sent, told, answered = resting(6.0, (1e-4, 9e-4))
     made = Twin(rig).replay({"axis": (sent, told)}, {"axis.force": answered})["axis.force"]
     samples = {"axis.force": (answered + shift_s, made)}
     problem = Problem(rig, [Stretch("shifted", {"axis": (sent + shift_s, told)}, samples)])
@@ -297,19 +306,12 @@ def test_forces_read_soon_after_setpoints_have_seen_as_much_of_the_drives_tick(s
 
 
 def test_ticks_are_found_where_the_drive_answers_at_other_instants_than_the_rig_file_says():
-    bus = AXIS.bus.model_copy(update={"interpolation": "linear_rests"})
-    rig = AXIS.model_copy(update={"bus": bus})
-    rng = np.random.default_rng(8)
-    sent = np.arange(0.0, 12.0, bus.cycle) + rng.uniform(0.0, 6e-4, 1200)
-    told = 0.05 * np.sin(2.0 * np.pi * 0.8 * sent) * np.clip(sent, 0.0, 1.0)
-    answered = sent + bus.setpoint_delay + bus.answer_delay + rng.uniform(1e-4, 4e-4, 1200)
+    rig, sent, told, answered = resting(12.0, (1e-4, 4e-4))
     acts = acting(rig, sent, Ticks(3.6e-4, 0.0, 0.0))
-    twin = Twin(rig, smooth=True)
     asked = {"axis.force": answered - 2e-4}
-    made = twin.replay({"axis": (acts, told)}, asked, ticked=("axis",))["axis.force"]
-    noisy = made + rig.noise.force * rng.standard_normal(1200)
-    samples = {"axis.force": (answered, noisy)}
-    (clock,) = find_clocks(
-        Problem(rig, [Stretch("late", {"axis": (sent, told)}, samples)])
-    ).values()
+    made = Twin(rig, smooth=True).replay({"axis": (acts, told)}, asked, ticked=("axis",))
+    noise = rig.noise.force * np.random.default_rng(9).standard_normal(len(sent))
+    samples = {"axis.force": (answered, made["axis.force"] + noise)}
+    problem = Problem(rig, [Stretch("late", {"axis": (sent, told)}, samples)])
+    (clock,) = find_clocks(problem).values()
     assert clock.place(np.array([6.0]))[0] % TICK == pytest.approx(3.6e-4, abs=3e-5)
