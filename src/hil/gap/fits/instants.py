@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.fits.fitted import Calibrated, loss
-from hil.gap.located.phase import FORCES
 from hil.gap.located.residual import reach
-from hil.gap.record.problem import LATENCY
+from hil.gap.record.problem import FORCES, LATENCY
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hil.gap.catalogue.nuisances import LIMIT, Nuisance
 from hil.gap.floor.noise import NoiseModel
 from hil.gap.located.residual import cost, expected
-from hil.gap.record.problem import LATENCY, Problem
+from hil.gap.record.problem import FORCES, LATENCY, Problem
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,6 @@ MUCH: Final = 0.7
 NOISE: Final = 1.05
 """Mean size of what may be left then, whitened, 0.8 of noise alone: another mass is no half tick, which
 explains it all or is not it."""
-FORCES: Final = ("force", "current")
 DELAY: Final = ".transport_delay.delay"
 PLACES: Final = (0.0, -0.5, -0.375, -0.25, -0.125, 0.125, 0.25, 0.375, 0.5)
 """Ticks from the middle of one at which loops in step with SYNC are tried."""

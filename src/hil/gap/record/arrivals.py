@@ -26,7 +26,7 @@ from hil.gap.record.apart import apart
 from hil.gap.record.fineness import CLEARER, fine_structure, fineness
 from hil.gap.record.latecomers import SURE, Synced
 from hil.gap.record.places import find_places
-from hil.gap.record.problem import Problem
+from hil.gap.record.problem import FORCES, Problem
 from hil.gap.record.started import started
 from hil.gap.record.synced import at_sync
 from hil.gap.record.ticks import AtSync, Clocks, Ticks
@@ -83,7 +83,7 @@ def _as_clear(
         samples = sum(
             int(problem.kept[x.part].sum())
             for x in problem.series
-            if x.quantity in ("force", "current") and (x.stretch, x.actuator) == key
+            if x.quantity in FORCES and (x.stretch, x.actuator) == key
         )
         late = synced[key].late if key in synced else ()
         return SURE * len(late) / max(samples, 1)

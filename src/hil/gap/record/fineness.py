@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.record.problem import Problem
+from hil.gap.record.problem import FORCES, Problem
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def quiet(problem: Problem, stretch: int, actuator: str) -> float:
     """What `fineness` is where nothing but the sensors' noise of the rig file is left."""
     noise, total = problem.rig.noise, 0.0
     for x in problem.series:
-        if x.stretch == stretch and x.actuator == actuator and x.quantity in ("force", "current"):
+        if x.stretch == stretch and x.actuator == actuator and x.quantity in FORCES:
             step = getattr(noise, f"{x.quantity}_step") / np.sqrt(12.0)
             spread = np.hypot(getattr(noise, x.quantity), step)
             total += float(np.log(np.sqrt(2.0) * spread + 1e-12)) + GAUSSIAN
@@ -45,7 +45,7 @@ def fine_structure(
     """Of each signal of force: instants (M,), its fine structure (F, M - 1) beside each prediction, and
     which of that is judged (M - 1,)."""
     for x in problem.series:
-        if x.stretch == stretch and x.actuator == actuator and x.quantity in ("force", "current"):
+        if x.stretch == stretch and x.actuator == actuator and x.quantity in FORCES:
             t, own = problem.t_s[x.part], [f[x.part] for f in flats]
             steps = np.array([_steps(t, problem.measured[x.part] - f, f) for f in own])
             kept = problem.kept[x.part][1:]

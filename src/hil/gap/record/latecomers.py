@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.compiled import compiled
-from hil.gap.record.problem import Problem
+from hil.gap.record.problem import FORCES, Problem
 from hil.gap.record.ticks import AtSync
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ def with_latecomers(
         kicks.append(problem.with_clocks(some).predict(vector)[0] - base)
     for x in problem.series:
         key = (x.stretch, x.actuator)
-        if x.quantity in ("force", "current") and key in found and not out[key].late:
+        if x.quantity in FORCES and key in found and not out[key].late:
             own = [k[x.part] for k in kicks]
             left = np.where(problem.kept[x.part], problem.measured[x.part] - base[x.part], 0.0)
             due = found[key].regular(sent[key])

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.record.fineness import CLEARER, fine_structure
-from hil.gap.record.problem import Problem
+from hil.gap.record.problem import FORCES, Problem
 from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import Stretch
 
@@ -87,7 +87,7 @@ def find_places(problem: Problem, vector: Array) -> tuple[dict[tuple[int, str], 
             answers_s[key[1]].append(late_s[b.late])
     answered = np.array(vector)
     for a, told in answers_s.items():
-        for q in ("force", "current"):
+        for q in FORCES:
             i = problem.table.index(f"{a}.{q}.sensor_latency.delay")
             answered[i] += float(np.median(told))
     return found, answered

@@ -46,6 +46,8 @@ FEWEST: Final = 20
 MOTION_STEP_S: Final = 0.005
 """Of the grid that `Problem.motion` is told on: regions are coarser by far."""
 BIAS: Final = ".sensor_bias.offset"
+FORCES: Final = ("force", "current")
+"""Quantities by which a drive answers its force."""
 LATENCY: Final = ".sensor_latency.delay"
 
 
@@ -149,7 +151,7 @@ class Problem:
         kept = np.zeros(self.size, dtype=bool)
         for x in self.series:
             t, sent, driven = self.t_s[x.part], self.sent[x.stretch], self.rig.actuator_names
-            if x.quantity in ("force", "current") and x.actuator in driven:
+            if x.quantity in FORCES and x.actuator in driven:
                 still = at_rest(sent, x.actuator, t)
             else:
                 still = is_held(sent, [x.actuator] if x.actuator in driven else driven, t)
@@ -228,7 +230,7 @@ class Problem:
         out = np.empty((len(late_s), self.size))
         asked = [
             np.subtract.outer(self.t_s[x.part], late_s)
-            if x.quantity in ("force", "current")
+            if x.quantity in FORCES
             else self.t_s[x.part][:, None]
             for x in self.series
         ]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hil.compiled import compiled
 from hil.gap.record.fineness import CLEARER, fineness, quiet
 from hil.gap.record.latecomers import Synced, with_latecomers
-from hil.gap.record.problem import Problem, Series
+from hil.gap.record.problem import FORCES, Problem, Series
 from hil.gap.record.ticks import AtSync, Ticks
 
 Array = NDArray[np.float64]
@@ -112,7 +112,7 @@ def _slid(problem: Problem, found: Synced, vector: Array) -> Synced:
     lefts = [problem.with_clocks(clocks).residual(vector) for clocks in tried]
     kicks = {key: np.zeros(len(tried)) for key in found}
     for x in problem.series:
-        if x.quantity in ("force", "current") and (key := (x.stretch, x.actuator)) in kicks:
+        if x.quantity in FORCES and (key := (x.stretch, x.actuator)) in kicks:
             kept = problem.kept[x.part]
             kicks[key] += [float(np.sum(left[x.part][kept] ** 2)) for left in lefts]
     return {key: tried[int(np.argmin(size))][key] for key, size in kicks.items()}
