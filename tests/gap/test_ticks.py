@@ -256,15 +256,25 @@ def test_targets_that_act_as_they_come_are_left_so():
     assert find_clocks(Problem(FAST, [Stretch("sent", {"axis": (sent, told)}, samples)])) == {}
 
 
-def test_frames_that_come_now_before_a_tick_now_after_it_are_none_that_miss_a_sync():
+@pytest.mark.parametrize(
+    ("jitter", "place_s", "within_s"),
+    [
+        (lambda rng, count: rng.uniform(0.0, 6e-4, count), 3e-4, 5e-5),
+        (lambda rng, count: 2e-5 * rng.standard_normal(count), 3e-5, 5e-6),
+    ],
+    ids=["half of them", "few of them, by microseconds"],
+)
+def test_frames_that_come_now_before_a_tick_now_after_it_are_none_that_miss_a_sync(
+    jitter, place_s, within_s
+):
     bus = FAST.bus.model_copy(update={"cycle": 0.004, "position_loop": 0.001})
     rig = FAST.model_copy(update={"bus": bus})
     rng = np.random.default_rng(4)
     sent = np.arange(0.0, 12.0, bus.cycle)
-    sent += rng.uniform(0.0, 6e-4, len(sent))
+    sent += jitter(rng, len(sent))
     told = 0.1 * np.sin(2.0 * np.pi * 0.6 * sent) * np.clip(sent, 0.0, 1.0)
     stamps = dict.fromkeys(("axis.position", "axis.force"), sent + 0.0006)
-    acts = acting(rig, sent, Ticks(bus.setpoint_delay + 3e-4, 0.0, 0.0))
+    acts = acting(rig, sent, Ticks(bus.setpoint_delay + place_s, 0.0, 0.0))
     samples = {}
     for s, v in (
         Twin(rig, smooth=True).replay({"axis": (acts, told)}, stamps, ticked=("axis",)).items()
@@ -275,8 +285,8 @@ def test_frames_that_come_now_before_a_tick_now_after_it_are_none_that_miss_a_sy
         Problem(rig, [Stretch("own ticks", {"axis": (sent, told)}, samples)])
     ).values()
     assert isinstance(clock, Ticks)
-    place = (clock.phase_s - bus.setpoint_delay) % bus.position_loop
-    assert place == pytest.approx(3e-4, abs=5e-5)
+    place = (clock.place(np.array([6.0]))[0] - bus.setpoint_delay) % bus.position_loop
+    assert place == pytest.approx(place_s, abs=within_s)
 
 
 def resting(duration_s, answers_s):

@@ -197,6 +197,15 @@ def test_an_impossible_rig_answers_nan_not_nonsense() -> None:
     assert np.all(np.isnan(record.run(vector)))
 
 
+def test_vectors_of_another_length_are_refused() -> None:
+    record = job("axis")
+    short = record.twin.parameters[:-1]
+    with pytest.raises(RunError, match=rf"{len(short) + 1} parameters"):
+        record.run(short)
+    with pytest.raises(RunError, match=r"shape \(2, \d+\)"):
+        record.run_many(np.array([short, short]))
+
+
 def test_records_that_cannot_be_replayed_are_refused_by_name() -> None:
     twin = Twin(load_rig("axis"))
     t = np.array([0.0, 0.02, 0.01])

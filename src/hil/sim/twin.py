@@ -180,10 +180,11 @@ class Replay:
 
     def run(self, parameters: Array | None = None) -> Array:
         """All samples (N,) with the parameter vector `parameters` (default: the rig file's); NaN where no
-        pose closes the mechanism."""
+        pose closes the mechanism. RunError where the vector is not as long as the twin's table."""
         out = np.empty(self._count)
-        vector = self.twin.parameters if parameters is None else parameters
-        replay(self.twin.model, np.asarray(vector, dtype=float), *self._arguments, out)
+        vector = np.asarray(self.twin.parameters if parameters is None else parameters, dtype=float)
+        self._check_rows(vector[None])
+        replay(self.twin.model, vector, *self._arguments, out)
         return out[: self.size]
 
     def run_many(
@@ -193,8 +194,9 @@ class Replay:
 
         `models`: a packed model for each row, where rows also differ in numbers of the rig file.
         """
-        out = np.empty((len(parameters), self._count))
         rows = np.ascontiguousarray(parameters, dtype=float)
+        self._check_rows(rows)
+        out = np.empty((len(rows), self._count))
         bases = [self.twin.model] * len(rows) if models is None else models
 
         def one(b: int) -> None:
@@ -203,6 +205,15 @@ class Replay:
         with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
             list(pool.map(one, range(len(rows))))
         return out[:, : self.size]
+
+    def _check_rows(self, rows: Array) -> None:
+        """Compiled code reads whatever lies behind a row that is too short."""
+        count = len(self.twin.parameters)
+        if rows.ndim != 2 or rows.shape[1] != count:
+            raise RunError(
+                f"{self.twin.rig.name}: the twin has {count} parameters, the vectors given have shape "
+                f"{rows.shape}: build them from `twin.parameters`"
+            )
 
     def by_signal(self, flat: Array) -> dict[str, Array]:
         """The flat samples as one array a signal."""

@@ -14,7 +14,7 @@ that play setpoints by a clock that the first frame starts: `hil.gap.record.star
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from statistics import fmean
 from typing import Final
@@ -43,6 +43,13 @@ TURNS: Final = (
 """What is moved in turn once ticks are found, by steps of so many ticks (rate: s/s), so many either way: a
 frame that comes near a tick acts at this one or the next, and only a few hundredths of a tick tell which.
 First their places: late frames look much like late ticks."""
+TURNS_FAST: Final = (
+    ("phase_s", 0.01, 3),
+    ("rate", 1e-6, 2),
+    ("phase_s", 0.003, 3),
+    ("rate", 3e-7, 2),
+)
+"""The same on a fast bus, whose frames jitter by little: hundredths of a tick tell which act at the next."""
 
 
 def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
@@ -58,7 +65,8 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
         synced = at_sync(problem, beside)
         found: dict[tuple[int, str], Ticks | AtSync] = dict(synced)
         if bus.interpolation != "hold":
-            found |= _as_clear(problem, find_places(problem, beside)[0], synced, beside)
+            own = _as_clear(problem, find_places(problem, beside)[0], synced, beside)
+            found |= _refined(problem, own, beside, TURNS_FAST)
         return apart(problem, found, beside, bus.position_loop, fmean)
     if bus.position_loop <= bus.speed_loop or bus.interpolation == "hold":
         return {}
@@ -67,7 +75,7 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
         delayed = _delayed(problem, ticks, answered)
         if not np.array_equal(delayed, problem.base):
             ticks, answered = find_places(problem, delayed)
-    return _refined(problem, ticks, answered)
+    return _refined(problem, ticks, answered, TURNS)
 
 
 def _as_clear(
@@ -123,9 +131,13 @@ def _delayed(problem: Problem, found: Mapping[tuple[int, str], Ticks], answered:
 
 
 def _refined(
-    problem: Problem, found: dict[tuple[int, str], Ticks], vector: Array
+    problem: Problem,
+    found: dict[tuple[int, str], Ticks],
+    vector: Array,
+    turns: Sequence[tuple[str, float, int]],
 ) -> dict[tuple[int, str], Ticks]:
-    """The same ticks, placed so that frames which come near one act where the record says they did."""
+    """The same ticks, placed so that frames which come near one act where the record says they did; `turns`:
+    what is moved in turn, as TURNS says."""
     if not found:
         return found
 
@@ -138,8 +150,8 @@ def _refined(
             for key in clocks
         }
 
-    turns = [(most, _moving(problem, name, step)) for name, step, most in TURNS]
-    return fewest_jumps(found, turns, steps_of)[0]
+    moves = [(most, _moving(problem, name, step)) for name, step, most in turns]
+    return fewest_jumps(found, moves, steps_of)[0]
 
 
 def _moving(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.compiled import compiled
-from hil.gap.record.problem import FORCES, Problem
+from hil.gap.record.problem import FORCES, Problem, predict_all
 from hil.gap.record.ticks import AtSync
 
 Array = NDArray[np.float64]
@@ -50,11 +50,12 @@ def with_latecomers(
     if not out or bus.position_loop >= bus.cycle:  # a frame a tick late would be the next one
         return out
     sent = {key: problem.sent[key[0]].setpoints[key[1]][0] for key in out}
-    base = problem.with_clocks(out).predict(vector)[0]
-    kicks = []
-    for m in range(APART):
-        some = {key: replace(s, late=tuple(sent[key][m::APART].tolist())) for key, s in out.items()}
-        kicks.append(problem.with_clocks(some).predict(vector)[0] - base)
+    told = [
+        {key: replace(s, late=tuple(sent[key][m::APART].tolist())) for key, s in out.items()}
+        for m in range(APART)
+    ]
+    base, *some = predict_all([problem.with_clocks(clocks) for clocks in (out, *told)], vector)
+    kicks = [flat - base for flat in some]
     for x in problem.series:
         key = (x.stretch, x.actuator)
         if x.quantity in FORCES and key in found and not out[key].late:

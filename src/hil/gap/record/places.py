@@ -8,10 +8,12 @@ along with the place; what frames make of the place alone, calibration makes of 
 
 from __future__ import annotations
 
+import os
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import chain
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -26,6 +28,9 @@ Array = NDArray[np.float64]
 
 PLACES: Final = 32
 """Places of the ticks that are replayed."""
+AMONG: Final = (0.01, 0.04, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.96, 0.99)
+"""Shares of the frames that come before a tick, of further places where frames jitter by no more than two of
+those: between two of them all frames would change their tick."""
 LATE: Final = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
 """Ticks by which forces may be answered later than the rig file says: how much of a tick an answer has seen
 depends on it as much as on the place."""
@@ -62,18 +67,28 @@ def find_places(problem: Problem, vector: Array) -> tuple[dict[tuple[int, str], 
         row[own] += by * tick
         return problem.forces_late(row, late_s)
 
-    def placed(place: int) -> Array:
-        ticks = Ticks(place * tick / PLACES, 0.0, 0.0)
-        return problem.with_clocks(dict.fromkeys(keys, ticks)).forces_late(vector, late_s)
+    def placed(at_s: Mapping[tuple[int, str], float]) -> Array:
+        ticks = {key: Ticks(phase_s, 0.0, 0.0) for key, phase_s in at_s.items()}
+        return problem.with_clocks(ticks).forces_late(vector, late_s)
+
+    def sizes(answered: Callable[[], Array]) -> dict[tuple[int, str], Array]:
+        answers = answered()
+        return {key: x.sizes(problem, key, answers) for key, x in seen.items()}
 
     usual = delayed(0.0)
     seen = {key: _Seen.of(problem, key, usual) for key in keys}
     seen = {key: x for key, x in seen.items() if len(x.t) >= FEWEST}
-    sizes: dict[tuple[int, str], list[Array]] = {key: [] for key in seen}
-    for answers in chain(map(delayed, SHIFTS), map(placed, range(PLACES))):
-        for key, x in seen.items():
-            sizes[key].append(x.sizes(problem, key, answers))
-    best = {key: _best(seen[key], np.array(table), tick) for key, table in sizes.items()}
+    among = {key: _among(problem, key) for key in seen}
+    tried = [dict.fromkeys(keys, place * tick / PLACES) for place in range(PLACES)]
+    if close := {key: at for key, at in among.items() if len(at)}:
+        tried += [{key: float(at[m]) for key, at in close.items()} for m in range(len(AMONG))]
+    asked = [partial(delayed, by) for by in SHIFTS] + [partial(placed, at_s) for at_s in tried]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        tables = list(pool.map(sizes, asked))
+    best = {
+        key: _best(x, np.array([t[key] for t in tables]), tick, among[key])
+        for key, x in seen.items()
+    }
     clearest = {key: b for key, b in best.items() if b is not None}
     if not clearest:
         return {}, np.array(vector)
@@ -157,11 +172,23 @@ class _Seen:
         return np.asarray(0.5 * np.log(np.stack(powers, axis=1) + 1e-300))
 
 
-def _best(seen: _Seen, table: Array, tick_s: float) -> _Best | None:
-    """`table` (SHIFTS + PLACES, LATE, W): sizes without ticks, and with them at each place; None where any
-    delay does as well as the best of these."""
+def _among(problem: Problem, key: tuple[int, str]) -> Array:
+    """(AMONG,) places of ticks among frames that come at almost the same place of them; (0,) where frames of
+    a drive spread further."""
+    tick = problem.rig.bus.position_loop
+    there = problem.sent[key[0]].setpoints[key[1]][0] + problem.rig.bus.setpoint_delay
+    about = tick * float(np.angle(np.mean(np.exp(2j * np.pi * there / tick)))) / (2.0 * np.pi)
+    off = (there - about + 0.5 * tick) % tick - 0.5 * tick
+    if float(np.std(off)) > 2.0 * tick / PLACES:
+        return np.empty(0)
+    return np.asarray(about + np.quantile(off, AMONG))
+
+
+def _best(seen: _Seen, table: Array, tick_s: float, among: Array) -> _Best | None:
+    """`table` (SHIFTS + PLACES + AMONG, LATE, W): sizes without ticks, with them at each place, and at those
+    `among` the frames; None where any delay does as well as the best of these."""
     origin = float(seen.t[0])
-    without, at_places = np.split(table, [len(SHIFTS)])
+    without, at_places, at_among = np.split(table, [len(SHIFTS), len(SHIFTS) + PLACES])
     best = _Best(Ticks(0.0, 0.0, origin), 0, np.inf)
     columns = np.arange(len(seen.t))
     for rate in np.arange(-FASTEST, FASTEST + 1e-12, RATE_STEP):
@@ -174,4 +201,8 @@ def _best(seen: _Seen, table: Array, tick_s: float) -> _Best | None:
             if totals[late] < best.size:
                 ticks = Ticks(p * tick_s / PLACES, float(rate), origin)
                 best = _Best(ticks, late, float(totals[late]))
+    for phase_s, sizes in zip(among, np.mean(at_among, axis=2), strict=False):
+        late = int(np.argmin(sizes))
+        if sizes[late] < best.size:
+            best = _Best(Ticks(float(phase_s), 0.0, origin), late, float(sizes[late]))
     return best if best.size <= float(np.mean(without, axis=2).min()) - CLEARER else None

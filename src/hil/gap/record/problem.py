@@ -9,7 +9,7 @@ in which the model depends smoothly on it. All replays of a call run in parallel
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -396,3 +396,9 @@ def run_all(tasks: Sequence[tuple[Replay, Array]]) -> list[Array]:
         return [tasks[0][0].run(tasks[0][1])]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda task: task[0].run(task[1]), tasks))
+
+
+def predict_all(problems: Iterable[Problem], vector: Array) -> list[Array]:
+    """What each of `problems` predicts (N,) for one parameter vector, on all cores; raises as `predict`."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda problem: problem.predict(vector)[0], problems))

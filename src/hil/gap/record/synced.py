@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hil.compiled import compiled
 from hil.gap.record.fineness import CLEARER, fineness, quiet
 from hil.gap.record.latecomers import Synced, with_latecomers
-from hil.gap.record.problem import FORCES, Problem, Series
+from hil.gap.record.problem import FORCES, Problem, Series, predict_all
 from hil.gap.record.ticks import AtSync, Ticks
 
 Array = NDArray[np.float64]
@@ -54,16 +54,17 @@ def at_sync(problem: Problem, vector: Array) -> Synced:
     synced = AtSync(problem.rig.bus.cycle)
     stretches = [k for k, p in enumerate(problem.pieces) if p.mode == "position"]
     tried: Synced = {(k, a): synced for k in stretches for a in problem.rig.actuator_names}
-    found = _clearer(problem, tried, vector)
-    regular = problem.with_clocks(tried).predict(vector)[0]
+    as_sent, regular = predict_all([problem, problem.with_clocks(tried)], vector)
+    found = _clearer(problem, tried, as_sent, regular)
+    usual = _clearer(problem, _in_step(problem, tried), as_sent, regular, -CLEARER, np.inf)
     for x in problem.series:
         if x.quantity == "position" and (key := (x.stretch, x.actuator)) in found:
             found[key] = AtSync(synced.cycle_s, _ticks(problem, x, regular[x.part]))
     if any(s.ticks for s in found.values()):
         found = _slid(problem, found, vector)
     late = with_latecomers(problem, {**tried, **found}, vector)
-    usual = _clearer(problem, _in_step(problem, tried), vector, -CLEARER, np.inf)
-    return usual | found | _clearer(problem, late, vector)
+    beside_late = problem.with_clocks(late).predict(vector)[0]
+    return usual | found | _clearer(problem, late, as_sent, beside_late)
 
 
 def _in_step(problem: Problem, clocks: Synced) -> Synced:
@@ -77,14 +78,16 @@ def _in_step(problem: Problem, clocks: Synced) -> Synced:
 
 
 def _clearer(
-    problem: Problem, clocks: Synced, vector: Array, least: float = CLEARER, loudest: float = QUIET
+    problem: Problem,
+    clocks: Synced,
+    as_sent: Array,
+    other: Array,
+    least: float = CLEARER,
+    loudest: float = QUIET,
 ) -> Synced:
-    """Those of `clocks` in whose stretches force has by `least` less of a structure of its own than beside
-    setpoints that act as they were sent, and by no more than `loudest` more than the sensors' noise has."""
-    if not clocks:
-        return {}
-    as_sent = problem.predict(vector)[0]
-    other = problem.with_clocks(clocks).predict(vector)[0]
+    """Those of `clocks` in whose stretches force has by `least` less of a structure of its own beside `other`
+    (N,), the twin with these clocks, than beside setpoints that act `as_sent` (N,), and by no more than
+    `loudest` more than the sensors' noise has."""
     off = dict.fromkeys([k for k, _ in clocks], 0.0)
     loud = dict(off)
     for k, a in clocks:
@@ -109,7 +112,8 @@ def _slid(problem: Problem, found: Synced, vector: Array) -> Synced:
         }
 
     tried = [moved(by_s) for by_s in SLIPS_S]
-    lefts = [problem.with_clocks(clocks).residual(vector) for clocks in tried]
+    slid = predict_all([problem.with_clocks(clocks) for clocks in tried], vector)
+    lefts = [problem.measured - flat for flat in slid]
     kicks = {key: np.zeros(len(tried)) for key in found}
     for x in problem.series:
         if x.quantity in FORCES and (key := (x.stretch, x.actuator)) in kicks:
