@@ -9,7 +9,7 @@ from hil.gap.catalogue.nuisances import default_nuisances
 from hil.gap.fits.about import LOOSER, STIFFER
 from hil.gap.fits.evidence import _peaks
 from hil.gap.fits.fit import _as_moved, _is_stuck, fit
-from hil.gap.fits.friction import is_equal, is_itself, is_peak
+from hil.gap.fits.friction import is_at_odds, is_equal, is_itself, is_peak
 from hil.gap.fits.heldout import split
 from hil.gap.fits.starts import relative
 from hil.gap.fits.training import begin, candidates_of
@@ -110,6 +110,29 @@ def test_friction_that_is_equal_in_both_directions_is_plain(negative: float, are
         is_equal(fit_of("asymmetric_friction", {"positive": 59.6, "negative": negative}))
         is are_equal
     )
+
+
+@pytest.mark.parametrize(
+    ("viscous", "coulomb", "static", "is_one_law"),
+    [
+        (320.0, -29.0, -4.0, True),
+        (320.0, 29.0, 60.0, False),
+        (-40.0, -10.0, -5.0, False),
+        (320.0, -5.0, 20.0, False),
+    ],
+)
+def test_friction_that_takes_away_what_another_adds_at_its_place_is_another_law(
+    viscous: float, coulomb: float, static: float, is_one_law: bool
+):
+    drag = fit_of("viscous_friction", {"coefficient": viscous})
+    peak = fit_of("stribeck_friction", {"velocity": 0.07, "coulomb": coulomb, "static": static})
+    both = SimpleNamespace(
+        leaves=drag.leaves + peak.leaves,
+        names=drag.names + peak.names,
+        values=np.concatenate([drag.values, peak.values]),
+    )
+    assert is_at_odds(both) is is_one_law
+    assert not is_at_odds(peak)
 
 
 @pytest.mark.parametrize(

@@ -101,6 +101,24 @@ def is_peak(f: Fit) -> bool:
     return any(static >= PEAK * coulomb > 0.0 for static, coulomb in peaks)
 
 
+def is_at_odds(f: Fit) -> bool:
+    """Whether a law of friction of a fit takes away where another at the same place adds: both are bent to
+    one law that is neither, as drag with the square of speed is [of 2000 diagnoses of exams and other worlds
+    two were so, both of effects from outside]."""
+    value = _values(f)
+    laws = [(x, _levels(x, value)) for x in f.leaves if x.effect in FRICTION]
+    return any(
+        a.location == b.location and max(less, default=0.0) < 0.0 < min(more, default=0.0)
+        for (a, less), (b, more) in itertools.permutations(laws, 2)
+    )
+
+
+def _levels(leaf: Leaf, value: Mapping[str, float]) -> list[float]:
+    """How much friction a law adds: its parameters that are no width or speed."""
+    widths = ("velocity", "displacement", "presliding")
+    return [value[n] for n in leaf.parameters if n in value and not n.endswith(widths)]
+
+
 def is_itself(c: Calibrated, f: Fit) -> bool:
     """Whether no effect of a fit has gone where it is another one: a hysteresis as narrow as BRISTLES_M or a
     Stribeck curve that rises from rest is plain friction, friction that nearly goes one way and grows

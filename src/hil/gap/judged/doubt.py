@@ -17,6 +17,7 @@ import numpy as np
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nature import EVENTS, FLANKS, MOMENTS, WAVES
 from hil.gap.fits.fitted import Calibrated, Fit
+from hil.gap.fits.friction import is_at_odds
 from hil.gap.fits.further import is_further
 from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import RARE, explained, largest_ratio, usually_explained
@@ -63,7 +64,7 @@ little is left; its neighbours from outside more than 0.028, or 0.007 where much
 cases of three worlds]."""
 LEAVES: Final = (1.5, 2.2)
 AT_BOUND: Final = 0.8
-"""Chance of an effect all of whose parameters want more than any rig has."""
+"""Chance of an effect all of whose parameters want more than any rig has, of two at odds, and the like."""
 WAVE_EXPLAINED: Final = 0.75
 """Share that a wave must explain, half of the time, however much goes off unseen data: a saw's first harmonic
 takes three fifths of it, waves of five worlds 0.96 and more."""
@@ -120,7 +121,7 @@ def doubt(
     nothing."""
     others = other_than_facts(f)
     other = by_share(told.share, told.gain)
-    if is_beyond(others, f):
+    if is_beyond(others, f) or is_at_odds(f):
         other = max(other, AT_BOUND)
     part = told.part
     stands = part.before > STANDS * part.floor and len(others) == len(f.leaves)
