@@ -189,6 +189,12 @@ def test_a_wave_must_show_at_other_places(monkeypatch, effect, shrink, is_doubtf
     ) is is_doubtful
 
 
+@pytest.mark.parametrize("are_at_odds", [False, True])
+def test_frictions_at_odds_are_in_doubt_however_much_goes_off_unseen_data(monkeypatch, are_at_odds):
+    monkeypatch.setattr(module, "is_at_odds", lambda f: are_at_odds)
+    assert (doubted(monkeypatch, 0.99, 300.0, 0.1, 0.9) > 0.5) is are_at_odds
+
+
 def test_between_impacts_a_gap_is_explained_whatever_the_impacts_leave():
     usual = {"none": {"axis.force": 2.0, "imu.accel_x": 3.2}, "fit": {"axis.force": 1.0, "imu.accel_x": 1.3},
              "floors": {"axis.force": 1.0, "imu.accel_x": 1.0}}  # fmt: skip

@@ -121,7 +121,7 @@ def doubt(
     nothing."""
     others = other_than_facts(f)
     other = by_share(told.share, told.gain)
-    if is_beyond(others, f) or is_at_odds(f):
+    if is_beyond(others, f):
         other = max(other, AT_BOUND)
     part = told.part
     stands = part.before > STANDS * part.floor and len(others) == len(f.leaves)
@@ -133,7 +133,8 @@ def doubt(
         holds = float(np.interp(told.share, OFTEN if struck else WELL, (HOLDS, least)))
         if not _strikes(f, told.gain, asked(c).nearly):
             other = max(other, chance(part.shrink, holds))
-    if any(is_spring(c, f, leaf) for leaf in others if leaf.effect == "hysteresis"):
+    springs = (is_spring(c, f, leaf) for leaf in others if leaf.effect == "hysteresis")
+    if is_at_odds(f) or any(springs):
         other = max(other, AT_BOUND)
     waves = [x for x in others if x.effect in WAVES and f"{x.name}.period" in f.names]
     if any(_never_turns(c, f, leaf) for leaf in waves):
