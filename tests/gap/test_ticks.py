@@ -325,3 +325,34 @@ def test_ticks_are_found_where_the_drive_answers_at_other_instants_than_the_rig_
     problem = Problem(rig, [Stretch("late", {"axis": (sent, told)}, samples)])
     (clock,) = find_clocks(problem).values()
     assert clock.place(np.array([6.0]))[0] % TICK == pytest.approx(3.6e-4, abs=3e-5)
+
+
+def test_kicks_of_one_drive_hide_no_other_drives_ticks():
+    """They go through the platform: moved at once, the ticks of all had lain where the strongest has them."""
+    rig = load_rig("motorcycle")
+    bus = rig.bus.model_copy(update={"position_loop": 0.002})
+    rig = rig.model_copy(update={"bus": bus})
+    rng = np.random.default_rng(7)
+    due = np.arange(0.0, 12.0, bus.cycle)
+    shared = bus.jitter * rng.standard_normal(len(due))
+    places = {"leg1": 8.5e-4, "leg2": 1.93e-3, "slide": 1.2e-3}
+    rates = {"leg1": 1.5e-5, "leg2": -7e-6, "slide": 4e-5}
+    sent, told, acts, stamps = {}, {}, {}, {}
+    for k, a in enumerate(rig.actuators):
+        sent[a.name] = due + k * bus.stagger + shared + 7e-5 * rng.standard_normal(len(due))
+        sway = 0.03 * np.sin(2.0 * np.pi * (0.7 + 0.2 * k) * due) * np.clip(due, 0.0, 1.0)
+        told[a.name] = a.home + sway
+        acts[a.name] = acting(rig, sent[a.name], Ticks(places[a.name], rates[a.name], 0.0))
+        stamps[f"{a.name}.force"] = sent[a.name] + bus.setpoint_delay + bus.answer_delay + 3e-4
+    setpoints = {a: (acts[a], told[a]) for a in sent}
+    made = Twin(rig, smooth=True).replay(setpoints, stamps, ticked=rig.actuator_names)
+    noise = {s: rig.noise.force * rng.standard_normal(len(v)) for s, v in made.items()}
+    samples = {s: (stamps[s], v + noise[s]) for s, v in made.items()}
+    found = find_clocks(
+        Problem(rig, [Stretch("coupled", {a: (sent[a], told[a]) for a in sent}, samples)])
+    )
+    assert set(found) == {(0, a) for a in rig.actuator_names}
+    for (_, a), clock in found.items():
+        off = clock.place(np.array([6.0]))[0] - places[a] - 6.0 * rates[a]
+        off = (off + 0.5 * bus.position_loop) % bus.position_loop - 0.5 * bus.position_loop
+        assert abs(off) < 1e-4, a

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from hil.gap.record.apart import apart
 from hil.gap.record.fineness import CLEARER, fine_structure, fineness
 from hil.gap.record.latecomers import SURE, Synced
-from hil.gap.record.places import find_places
+from hil.gap.record.places import find_places, places_of
 from hil.gap.record.problem import FORCES, Problem
 from hil.gap.record.started import started
 from hil.gap.record.synced import at_sync
@@ -65,7 +65,7 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
         synced = at_sync(problem, beside)
         found: dict[tuple[int, str], Ticks | AtSync] = dict(synced)
         if bus.interpolation != "hold":
-            own = _as_clear(problem, find_places(problem, beside)[0], synced, beside)
+            own = _as_clear(problem, places_of(problem, beside, together=True)[0], synced, beside)
             found |= _refined(problem, own, beside, TURNS_FAST)
         return apart(problem, found, beside, bus.position_loop, fmean)
     if bus.position_loop <= bus.speed_loop or bus.interpolation == "hold":

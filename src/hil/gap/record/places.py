@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -25,9 +25,13 @@ from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
+Key = tuple[int, str]
+"""Stretch and actuator."""
 
 PLACES: Final = 32
 """Places of the ticks that are replayed."""
+ALONE: Final = 16
+"""The same of each of several drives, where they do not rest at setpoints."""
 AMONG: Final = (0.01, 0.04, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.96, 0.99)
 """Shares of the frames that come before a tick, of further places where frames jitter by no more than two of
 those: between two of them all frames would change their tick."""
@@ -48,47 +52,72 @@ FEWEST: Final = 3
 """Windows from which on a record does."""
 
 
-def find_places(problem: Problem, vector: Array) -> tuple[dict[tuple[int, str], Ticks], Array]:
+def find_places(problem: Problem, vector: Array) -> tuple[dict[Key, Ticks], Array]:
     """The drives of which some place of the ticks makes their force clearer than any delay does, and than no
     ticks with the same delay on average, and that place; `vector` (P,) with answers as late as they then
-    seem."""
+    seem.
+
+    The ticks of each drive are moved beside others that have none: its kicks go through the platform into the
+    forces of the others, and moved at once the ticks of all lie where the strongest drive has its own. So are
+    those of a drive whose kicks are hidden by others', once theirs are known.
+    """
+    found: dict[Key, Ticks] = {}
+    while True:
+        more, vector = places_of(problem.with_clocks(found), vector)
+        found |= more
+        if not more or len(found) == len(problem.pieces) * len(problem.rig.actuators):
+            return found, vector
+
+
+def places_of(
+    problem: Problem, vector: Array, *, together: bool = False
+) -> tuple[dict[Key, Ticks], Array]:
+    """`find_places` of the drives of which `problem` knows no clock, in one go.
+
+    `together`: their ticks are moved all at once, which takes a part of the time.
+    """
     rig = problem.rig
     tick, late_s = rig.bus.position_loop, [k * rig.bus.position_loop for k in LATE]
     own = [problem.table.index(f"{a}.transport_delay.delay") for a in rig.actuator_names]
-    keys = [
-        (k, a)
-        for k, piece in enumerate(problem.pieces)
-        for a in rig.actuator_names
-        if piece.mode == "position"
-    ]
+    driven = [k for k, piece in enumerate(problem.pieces) if piece.mode == "position"]
 
     def delayed(by: float) -> Array:
         row = np.array(vector)
         row[own] += by * tick
         return problem.forces_late(row, late_s)
 
-    def placed(at_s: Mapping[tuple[int, str], float]) -> Array:
+    def placed(at_s: Mapping[Key, float]) -> Array:
         ticks = {key: Ticks(phase_s, 0.0, 0.0) for key, phase_s in at_s.items()}
-        return problem.with_clocks(ticks).forces_late(vector, late_s)
+        return problem.with_clocks({**problem.clocks, **ticks}).forces_late(vector, late_s)
 
-    def sizes(answered: Callable[[], Array]) -> dict[tuple[int, str], Array]:
-        answers = answered()
-        return {key: x.sizes(problem, key, answers) for key, x in seen.items()}
+    def sizes(asked: tuple[Callable[[], Array], Collection[Key]]) -> dict[Key, Array]:
+        answers = asked[0]()
+        return {key: seen[key].sizes(problem, key, answers) for key in asked[1]}
 
     usual = delayed(0.0)
-    seen = {key: _Seen.of(problem, key, usual) for key in keys}
+    new = [(k, a) for k in driven for a in rig.actuator_names if (k, a) not in problem.clocks]
+    seen = {key: _Seen.of(problem, key, usual) for key in new}
     seen = {key: x for key, x in seen.items() if len(x.t) >= FEWEST}
+    if not seen:
+        return {}, vector
+    at_once = (
+        [list(seen)] if together else [[x for x in seen if x[1] == a] for a in rig.actuator_names]
+    )
+    is_quick = len(at_once) > 1 and rig.bus.interpolation != "linear_rests"
+    spread = np.arange(0.0, 1.0, 1.0 / (ALONE if is_quick else PLACES)) * tick
     among = {key: _among(problem, key) for key in seen}
-    tried = [dict.fromkeys(keys, place * tick / PLACES) for place in range(PLACES)]
-    if close := {key: at for key, at in among.items() if len(at)}:
-        tried += [{key: float(at[m]) for key, at in close.items()} for m in range(len(AMONG))]
-    asked = [partial(delayed, by) for by in SHIFTS] + [partial(placed, at_s) for at_s in tried]
+    asked = [(partial(delayed, by), list(seen)) for by in SHIFTS]
+    for keys in at_once:
+        tried = [dict.fromkeys(keys, float(phase_s)) for phase_s in spread]
+        close = [key for key in keys if len(among[key])]
+        tried += [{key: float(among[key][m]) for key in close} for m in range(len(AMONG)) if close]
+        asked += [(partial(placed, at_s), list(at_s)) for at_s in tried]
+    rows: dict[Key, list[Array]] = {key: [] for key in seen}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        tables = list(pool.map(sizes, asked))
-    best = {
-        key: _best(x, np.array([t[key] for t in tables]), tick, among[key])
-        for key, x in seen.items()
-    }
+        for sizes_there in pool.map(sizes, asked):
+            for key, size in sizes_there.items():
+                rows[key].append(size)
+    best = {key: _best(x, np.array(rows[key]), tick, spread, among[key]) for key, x in seen.items()}
     clearest = {key: b for key, b in best.items() if b is not None}
     if not clearest:
         return {}, np.array(vector)
@@ -108,7 +137,7 @@ def find_places(problem: Problem, vector: Array) -> tuple[dict[tuple[int, str], 
     return found, answered
 
 
-def _evenly(problem: Problem, found: Mapping[tuple[int, str], Ticks]) -> Problem:
+def _evenly(problem: Problem, found: Mapping[Key, Ticks]) -> Problem:
     """The same problem without ticks, setpoints of those `found` as late as they are there on average, or
     evenly later and later: what lags more and more is no clock that drifts."""
 
@@ -120,7 +149,7 @@ def _evenly(problem: Problem, found: Mapping[tuple[int, str], Ticks]) -> Problem
                 told[a] = t + np.polyval(np.polyfit(t, waits, 1), t), v
         return replace(piece, setpoints=told)
 
-    return problem.on([shifted(k, p) for k, p in enumerate(problem.sent)], {})
+    return problem.on([shifted(k, p) for k, p in enumerate(problem.sent)], problem.clocks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +172,7 @@ class _Seen:
     """Of each signal (LATE,): steps that are larger count no more than that."""
 
     @staticmethod
-    def of(problem: Problem, key: tuple[int, str], usual: Array) -> _Seen:
+    def of(problem: Problem, key: Key, usual: Array) -> _Seen:
         """Of the drive `key`, whose force counts beside the answers `usual` (LATE, N)."""
         centres, windows, most = [], [], []
         for k, (stamps, steps, kept) in enumerate(fine_structure(problem, *key, list(usual))):
@@ -160,7 +189,7 @@ class _Seen:
         """Steps that are looked at."""
         return sum(int(inside.sum()) for _, inside in self.inside)
 
-    def sizes(self, problem: Problem, key: tuple[int, str], answers: Array) -> Array:
+    def sizes(self, problem: Problem, key: Key, answers: Array) -> Array:
         """(LATE, W) log of the fine structure of the drive `key` beside `answers` (LATE, N)."""
         every = [
             np.minimum(steps, most[:, None]) ** 2
@@ -172,7 +201,7 @@ class _Seen:
         return np.asarray(0.5 * np.log(np.stack(powers, axis=1) + 1e-300))
 
 
-def _among(problem: Problem, key: tuple[int, str]) -> Array:
+def _among(problem: Problem, key: Key) -> Array:
     """(AMONG,) places of ticks among frames that come at almost the same place of them; (0,) where frames of
     a drive spread further."""
     tick = problem.rig.bus.position_loop
@@ -184,22 +213,22 @@ def _among(problem: Problem, key: tuple[int, str]) -> Array:
     return np.asarray(about + np.quantile(off, AMONG))
 
 
-def _best(seen: _Seen, table: Array, tick_s: float, among: Array) -> _Best | None:
-    """`table` (SHIFTS + PLACES + AMONG, LATE, W): sizes without ticks, with them at each place, and at those
-    `among` the frames; None where any delay does as well as the best of these."""
-    origin = float(seen.t[0])
-    without, at_places, at_among = np.split(table, [len(SHIFTS), len(SHIFTS) + PLACES])
+def _best(seen: _Seen, table: Array, tick_s: float, spread: Array, among: Array) -> _Best | None:
+    """`table` (SHIFTS + S + AMONG, LATE, W): sizes without ticks, with them at places `spread` (S,) over
+    a tick, s, and at those `among` the frames; None where any delay does as well as the best of these."""
+    origin, count = float(seen.t[0]), len(spread)
+    without, at_places, at_among = np.split(table, [len(SHIFTS), len(SHIFTS) + count])
     best = _Best(Ticks(0.0, 0.0, origin), 0, np.inf)
     columns = np.arange(len(seen.t))
     for rate in np.arange(-FASTEST, FASTEST + 1e-12, RATE_STEP):
         shift = rate * (seen.t - origin) / tick_s
         unlikely = 0.5 * (rate / USUAL) ** 2 / seen.count
-        for p in range(PLACES):
-            k = np.round(p + shift * PLACES).astype(np.int64) % PLACES
+        for p in range(count):
+            k = np.round(p + shift * count).astype(np.int64) % count
             totals = np.mean(at_places[k, :, columns], axis=0) + unlikely
             late = int(np.argmin(totals))
             if totals[late] < best.size:
-                ticks = Ticks(p * tick_s / PLACES, float(rate), origin)
+                ticks = Ticks(float(spread[p]), float(rate), origin)
                 best = _Best(ticks, late, float(totals[late]))
     for phase_s, sizes in zip(among, np.mean(at_among, axis=2), strict=False):
         late = int(np.argmin(sizes))
