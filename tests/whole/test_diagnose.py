@@ -17,7 +17,7 @@ from hil.configfile import load_rig
 from hil.errors import IdentificationError, RunError
 from hil.gap import diagnose, locate
 from hil.gap.catalogue.leaves import find_leaves
-from hil.gap.catalogue.nuisances import DELAY_S
+from hil.gap.catalogue.nuisances import DELAY_S, LOOPS
 from hil.gap.catalogue.sprung import BEND_HZ, SOFTER_HZ
 from hil.gap.fits.training import candidates_of
 from hil.gap.floor.rounding import step_of
@@ -289,6 +289,17 @@ def test_an_interval_holds_what_a_healthy_rig_has_of_the_same(friction):
         fit = replace(friction.best, **told)
         low, high = _parameters(replace(c, nuisances=nuisances), fit, leaf, 1.0)["delay"].ci
         assert 0.5 * (high - low) == pytest.approx(half_s, rel=1e-3)
+
+
+def test_an_interval_of_a_gain_holds_what_any_drives_loops_seem_to_be_off_by(friction):
+    gains = ("axis.loop_gain.position", "axis.loop_gain.speed", "axis.loop_gain.integral")
+    leaf = Leaf("loop_gain", "axis", gains, (), "axis")
+    told = {"names": gains, "values": np.array([0.8, 1.0, 1.0]), "search_sd": np.full(3, 1e-9)}
+    values = _parameters(friction.calibrated, replace(friction.best, **told), leaf, 1.0)
+    halves = {name: 0.5 * (v.ci[1] - v.ci[0]) for name, v in values.items()}
+    other_law = {"position": 0.13 * 0.2, "speed": 0.0, "integral": 0.0}
+    for name, half in halves.items():
+        assert half == pytest.approx(np.hypot(LOOPS[name], other_law[name]), rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.catalogue.nuisances import CRYSTALS, RATE
+from hil.gap.catalogue.nuisances import CRYSTALS, LOOPS, RATE
 from hil.gap.fits.evidence import ALIKE, Weighed, distance
 from hil.gap.fits.facts import is_fact, left_by
 from hil.gap.fits.fitted import Calibrated, Fit, calibrated
@@ -151,6 +151,7 @@ def _parameters(c: Calibrated, f: Fit, leaf: Leaf, worth: float) -> dict[str, Pa
     """Values with intervals: of noise, of another law, and of what a healthy rig has of the same."""
     healthy = {n.name: math.hypot(CI * n.sd, n.mean) for n in c.nuisances}
     healthy |= {n: CRYSTALS for n in f.names if n.endswith(RATE)}
+    healthy |= {n: LOOPS[n.rpartition(".")[2]] for n in f.names if ".loop_gain." in n}
     out = {}
     for name, value, sd in zip(f.names, f.values.tolist(), f.search_sd.tolist(), strict=True):
         if name not in leaf.parameters and not name.startswith(f"{leaf.name}."):
