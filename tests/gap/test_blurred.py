@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hil.gap import diagnose
+from hil.gap.floor import blurred
 from hil.gap.floor.blurred import blurred_step
 from tests.gap.twin_runs import AXIS, record
 
@@ -36,6 +37,19 @@ def test_noise_another_gap_and_even_motion_gather_at_no_grid():
     assert blurred_step(rested, 2e-4 * np.sin(9.0 * T_S), 2.5e-5, 6e-5) is None
     even = 0.02 * T_S  # a step of 0.2 mm for each sample
     assert blurred_step(even + NOISE, NOISE + 5e-5 * np.sin(3.0 * T_S), 2.5e-5, 6e-5) is None
+
+
+def test_lone_values_that_lie_on_a_grid_by_chance_are_no_steps(monkeypatch):
+    """A force rests at two levels, and passes the others once each, where they happen to lie."""
+    rng = np.random.default_rng(2)
+    rests = np.concatenate(
+        [1200.0 + rng.uniform(-40.0, 40.0, 550), 1550.0 + rng.uniform(-40.0, 40.0, 550)]
+    )
+    lone = 1075.0 + 25.0 * np.arange(24) + 1.5 * rng.standard_normal(24)
+    values, residual = np.concatenate([rests, lone]), 20.0 * rng.standard_normal(1124)
+    monkeypatch.setattr(blurred, "_nearest", lambda *a: 1.0 / 25.0)
+    assert blurred._by_level(values, 1.0 / 25.0) > 0.5
+    assert blurred_step(values, residual, 4.0, 10.0) is None
 
 
 def test_an_encoder_that_rounds_before_its_noise_is_named():

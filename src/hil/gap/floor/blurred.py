@@ -39,7 +39,7 @@ def blurred_step(values: Array, residual: Array, spread: float, finest: float) -
     rate = _nearest(values, finest, min(coarsest, float(np.ptp(values)) / LEVELS))
     if rate is None:
         return None
-    gathered = _by_level(values, rate)
+    gathered = min(_gathered(values, rate), _by_level(values, rate))
     blur = float(np.exp(-0.5 * (2.0 * np.pi * LOUDER * spread * rate) ** 2))
     if gathered < max(GATHERED, WITH_NOISE * blur):
         return None
@@ -53,7 +53,8 @@ def _gathered(values: Array, rate: float) -> float:
 
 
 def _by_level(values: Array, rate: float) -> float:
-    """The same, each level counting alike: a few places of rest gather at many grids."""
+    """The same, each level counting alike: a few places of rest gather at many grids. Lone values at many
+    levels count for much here, by chance as well, and for little there."""
     way = np.exp(2j * np.pi * rate * values)
     turn = float(np.angle(np.mean(way))) / (2.0 * np.pi)
     levels, level = np.unique(np.round(values * rate - turn), return_inverse=True)
