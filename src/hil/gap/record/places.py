@@ -31,7 +31,7 @@ Key = tuple[int, str]
 PLACES: Final = 32
 """Places of the ticks that are replayed."""
 ALONE: Final = 16
-"""The same of each of several drives, where they do not rest at setpoints."""
+"""The same of each of several drives that are moved apart, where they do not rest at setpoints."""
 AMONG: Final = (0.01, 0.04, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.96, 0.99)
 """Shares of the frames that come before a tick, of further places where frames jitter by no more than two of
 those: between two of them all frames would change their tick."""
@@ -100,9 +100,8 @@ def places_of(
     seen = {key: x for key, x in seen.items() if len(x.t) >= FEWEST}
     if not seen:
         return {}, vector
-    at_once = (
-        [list(seen)] if together else [[x for x in seen if x[1] == a] for a in rig.actuator_names]
-    )
+    apart = [[key for key in seen if key[1] == a] for a in sorted({a for _, a in seen})]
+    at_once = [list(seen)] if together else apart
     is_quick = len(at_once) > 1 and rig.bus.interpolation != "linear_rests"
     spread = np.arange(0.0, 1.0, 1.0 / (ALONE if is_quick else PLACES)) * tick
     among = {key: _among(problem, key) for key in seen}
