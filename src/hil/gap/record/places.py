@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.gap.record.fineness import CLEARER, fine_structure
+from hil.gap.record.fineness import CLEARER, fine_structure, fineness
 from hil.gap.record.problem import FORCES, Problem
 from hil.gap.record.ticks import Ticks, acting
 from hil.identify.replay import Stretch
@@ -32,6 +32,8 @@ PLACES: Final = 32
 """Places of the ticks that are replayed."""
 ALONE: Final = 16
 """The same of each of several drives that are moved apart, where they do not rest at setpoints."""
+FEW: Final = 3
+"""Drives up to which each is moved alone as well: of six, ticks so found had made a healthy rig late [R]."""
 AMONG: Final = (0.01, 0.04, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.96, 0.99)
 """Shares of the frames that come before a tick, of further places where frames jitter by no more than two of
 those: between two of them all frames would change their tick."""
@@ -57,10 +59,27 @@ def find_places(problem: Problem, vector: Array) -> tuple[dict[Key, Ticks], Arra
     ticks with the same delay on average, and that place; `vector` (P,) with answers as late as they then
     seem.
 
-    The ticks of each drive are moved beside others that have none: its kicks go through the platform into the
-    forces of the others, and moved at once the ticks of all lie where the strongest drive has its own. So are
-    those of a drive whose kicks are hidden by others', once theirs are known.
+    Kicks of one drive go through the platform into the forces of the others. Moved at once, the ticks of all
+    lie where the strongest drive has its own, which is right where drives share a clock; moved one by one
+    they are less sharp. Of both ways the one counts beside which force is clearer. Of more than FEW drives
+    none stands out from the kicks of the others: those are moved at once.
     """
+    at_once = places_of(problem, vector, together=True)
+    if not 1 < len(problem.rig.actuators) <= FEW:
+        return at_once
+    return min(at_once, _one_by_one(problem, vector), key=lambda way: _left(problem, *way))
+
+
+def _left(problem: Problem, found: Mapping[Key, Ticks], vector: Array) -> float:
+    """Log of the fine structure of all forces beside the ticks `found`."""
+    flat = problem.with_clocks(found).predict(vector)[0]
+    driven = [k for k, piece in enumerate(problem.pieces) if piece.mode == "position"]
+    return sum(fineness(problem, k, a, flat) for k in driven for a in problem.rig.actuator_names)
+
+
+def _one_by_one(problem: Problem, vector: Array) -> tuple[dict[Key, Ticks], Array]:
+    """`find_places` of each drive beside others that have no ticks, and of those whose kicks are hidden by
+    others' once more beside these."""
     found: dict[Key, Ticks] = {}
     while True:
         more, vector = places_of(problem.with_clocks(found), vector)
@@ -72,10 +91,7 @@ def find_places(problem: Problem, vector: Array) -> tuple[dict[Key, Ticks], Arra
 def places_of(
     problem: Problem, vector: Array, *, together: bool = False
 ) -> tuple[dict[Key, Ticks], Array]:
-    """`find_places` of the drives of which `problem` knows no clock, in one go.
-
-    `together`: their ticks are moved all at once, which takes a part of the time.
-    """
+    """`find_places` of the drives of which `problem` knows no clock, each alone or all `together`."""
     rig = problem.rig
     tick, late_s = rig.bus.position_loop, [k * rig.bus.position_loop for k in LATE]
     own = [problem.table.index(f"{a}.transport_delay.delay") for a in rig.actuator_names]
