@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.record.problem import Problem
-from hil.gap.record.ticks import AtSync, Clocks, Ticks
+from hil.gap.record.ticks import AtSync, Clocks, Key, Ticks
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def apart(
     vector: Array,
     most_s: float,
     zero_of: Callable[[Iterable[float]], float],
-) -> dict[tuple[int, str], Ticks | AtSync]:
+) -> dict[Key, Ticks | AtSync]:
     """The clocks `found`, by stretch and actuator, each later by what positions of its stretch lag beyond
     `zero_of` the lags of its drive's stretches, s; where those lie further apart than `most_s`, as they are.
 

@@ -29,7 +29,7 @@ from hil.gap.record.places import find_places, places_of
 from hil.gap.record.problem import FORCES, Problem
 from hil.gap.record.started import started
 from hil.gap.record.synced import at_sync
-from hil.gap.record.ticks import AtSync, Clocks, Ticks
+from hil.gap.record.ticks import AtSync, Clocks, Key, Ticks
 from hil.identify.jumps import fewest_jumps
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
         return started(problem, beside)
     if bus.schedule == "fast":
         synced = at_sync(problem, beside)
-        found: dict[tuple[int, str], Ticks | AtSync] = dict(synced)
+        found: dict[Key, Ticks | AtSync] = dict(synced)
         if bus.interpolation != "hold":
             own = _as_clear(problem, places_of(problem, beside, together=True)[0], synced, beside)
             found |= _refined(problem, own, beside, TURNS_FAST)
@@ -79,15 +79,15 @@ def find_clocks(problem: Problem, vector: Array | None = None) -> Clocks:
 
 
 def _as_clear(
-    problem: Problem, found: Mapping[tuple[int, str], Ticks], synced: Synced, vector: Array
-) -> dict[tuple[int, str], Ticks]:
+    problem: Problem, found: Mapping[Key, Ticks], synced: Synced, vector: Array
+) -> dict[Key, Ticks]:
     """Those of `found` beside which force is clearer than where setpoints act at SYNC, the late frames told
     there set off: drives that take setpoints as they come, of which stamps tell what is late."""
     if not found:
         return {}
     own, regular = (problem.with_clocks(c).predict(vector)[0] for c in (found, synced))
 
-    def told(key: tuple[int, str]) -> float:
+    def told(key: Key) -> float:
         samples = sum(
             int(problem.kept[x.part].sum())
             for x in problem.series
@@ -103,7 +103,7 @@ def _as_clear(
     }
 
 
-def _delayed(problem: Problem, found: Mapping[tuple[int, str], Ticks], answered: Array) -> Array:
+def _delayed(problem: Problem, found: Mapping[Key, Ticks], answered: Array) -> Array:
     """The rig file's vector with the delay at which each drive's force is nearest to the record's, where that
     is nearer than beside the ticks `found` and answers as of `answered`: ticks are looked for there, so that
     a late drive has them too."""
@@ -132,16 +132,16 @@ def _delayed(problem: Problem, found: Mapping[tuple[int, str], Ticks], answered:
 
 def _refined(
     problem: Problem,
-    found: dict[tuple[int, str], Ticks],
+    found: dict[Key, Ticks],
     vector: Array,
     turns: Sequence[tuple[str, float, int]],
-) -> dict[tuple[int, str], Ticks]:
+) -> dict[Key, Ticks]:
     """The same ticks, placed so that frames which come near one act where the record says they did; `turns`:
     what is moved in turn, as TURNS says."""
     if not found:
         return found
 
-    def steps_of(clocks: Mapping[tuple[int, str], Ticks]) -> dict[tuple[int, str], Array]:
+    def steps_of(clocks: Mapping[Key, Ticks]) -> dict[Key, Array]:
         flat = problem.with_clocks(clocks).predict(vector)[0]
         return {
             key: np.concatenate(
@@ -154,12 +154,10 @@ def _refined(
     return fewest_jumps(found, moves, steps_of)[0]
 
 
-def _moving(
-    problem: Problem, name: str, step: float
-) -> Callable[[tuple[int, str], Ticks, int], Ticks]:
+def _moving(problem: Problem, name: str, step: float) -> Callable[[Key, Ticks, int], Ticks]:
     """What moves one number of ticks by so many `step`s; the rate about the middle of the stretch."""
 
-    def moved(key: tuple[int, str], ticks: Ticks, count: int) -> Ticks:
+    def moved(key: Key, ticks: Ticks, count: int) -> Ticks:
         by = count * step
         if name != "rate":
             late = {name: getattr(ticks, name) + by * problem.rig.bus.position_loop}

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from hil.compiled import compiled
 from hil.gap.record.problem import FORCES, Problem, predict_all
-from hil.gap.record.ticks import AtSync
+from hil.gap.record.ticks import AtSync, Key
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
-Synced = dict[tuple[int, str], AtSync]
+Synced = dict[Key, AtSync]
 
 APART: Final = 8
 """Every so many frames are late in one replay, whose kicks then do not meet."""
@@ -39,9 +39,7 @@ FEW: Final = 10
 """Late frames of a drive up to which they are no habit of its bus."""
 
 
-def with_latecomers(
-    problem: Problem, found: Mapping[tuple[int, str], AtSync], vector: Array
-) -> Synced:
+def with_latecomers(problem: Problem, found: Mapping[Key, AtSync], vector: Array) -> Synced:
     """The same drives, each with the frames that its force says to have acted a tick late.
 
     `vector` (P,): the twin that they are looked at beside.

@@ -21,12 +21,10 @@ from numpy.typing import NDArray
 
 from hil.gap.record.fineness import CLEARER, fine_structure, fineness
 from hil.gap.record.problem import FORCES, Problem
-from hil.gap.record.ticks import Ticks, acting
+from hil.gap.record.ticks import Key, Ticks, acting
 from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
-Key = tuple[int, str]
-"""Stretch and actuator."""
 
 PLACES: Final = 32
 """Places of the ticks that are replayed."""

@@ -14,6 +14,8 @@ from hil.config import RigFile
 from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
+Key = tuple[int, str]
+"""A drive in a record: stretch and actuator."""
 
 ALONE: Final = 9
 """Frames one after the other, of which fewer than half may be late by chance."""
@@ -79,8 +81,7 @@ class AtSync:
         return np.asarray(t[0] + start + slope * cycles)
 
 
-Clocks = Mapping[tuple[int, str], Ticks | AtSync]
-"""By stretch and actuator."""
+Clocks = Mapping[Key, Ticks | AtSync]
 
 
 def acting(rig: RigFile, t_sent: Array, ticks: Ticks | AtSync | None) -> Array:
