@@ -11,6 +11,7 @@ from hil.gap.located.phase import begun
 from hil.gap.located.residual import refit
 from hil.gap.record.arrivals import find_clocks
 from hil.gap.record.fineness import fineness, quiet
+from hil.gap.record.latecomers import APART, told_late
 from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import AtSync, Ticks, acting
 from hil.identify.replay import Stretch
@@ -219,6 +220,24 @@ def test_frames_that_act_a_tick_after_their_fellows_are_told_by_their_kicks():
     assert worst_n(problem, {(0, "axis"): clock}) < 0.25 * worst_n(
         problem, {(0, "axis"): AtSync(FAST.bus.cycle)}
     )
+
+
+@pytest.mark.parametrize(("late", "other_way", "is_told"), [(60, 0, True), (60, 50, False)])
+def test_late_frames_must_outnumber_kicks_the_other_way(late, other_way, is_told):
+    """What a frame that comes late never makes tells how often a twin at odds with the record looks so."""
+    rng, cycle_s, count = np.random.default_rng(5), 0.002, 4000
+    t, sent = (np.arange(4 * count) + 0.5) * cycle_s / 4, np.arange(count) * cycle_s
+    kicks = [np.zeros(len(t)) for _ in range(APART)]
+    for k in range(count - 1):
+        kicks[k % APART][4 * k + 2 : 4 * k + 5] = (30.0, 20.0, 10.0)
+    moved = rng.choice(np.arange(10, count - 10, 9), late + other_way, replace=False)
+    left = rng.normal(0.0, 1.0, len(t))
+    for n, k in enumerate(moved.tolist()):
+        left[4 * k + 2 : 4 * k + 5] += np.array((30.0, 20.0, 10.0)) * (1 if n < late else -1)
+    told = told_late(t, left, kicks, sent, cycle_s)
+    assert (told is not None) == is_told
+    if told is not None:
+        assert set(np.flatnonzero(told[0])) == set(moved)
 
 
 def test_frames_of_which_nothing_tells_are_late_as_often_as_those_told():

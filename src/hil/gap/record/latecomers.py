@@ -37,6 +37,8 @@ ROUNDS: Final = 6
 """The most: in each a frame is asked beside what is known of its neighbours, and noise is what they leave."""
 FEW: Final = 10
 """Late frames of a drive up to which they are no habit of its bus."""
+OFTEN: Final = 2
+"""Times the kicks the other way, which no late frame makes, that late frames must be as many as besides."""
 
 
 def with_latecomers(problem: Problem, found: Mapping[Key, AtSync], vector: Array) -> Synced:
@@ -48,11 +50,11 @@ def with_latecomers(problem: Problem, found: Mapping[Key, AtSync], vector: Array
     if not out or bus.position_loop >= bus.cycle:  # a frame a tick late would be the next one
         return out
     sent = {key: problem.sent[key[0]].setpoints[key[1]][0] for key in out}
-    told = [
+    tried = [
         {key: replace(s, late=tuple(sent[key][m::APART].tolist())) for key, s in out.items()}
         for m in range(APART)
     ]
-    base, *some = predict_all([problem.with_clocks(clocks) for clocks in (out, *told)], vector)
+    base, *some = predict_all([problem.with_clocks(clocks) for clocks in (out, *tried)], vector)
     kicks = [flat - base for flat in some]
     for x in problem.series:
         key = (x.stretch, x.actuator)
@@ -60,8 +62,9 @@ def with_latecomers(problem: Problem, found: Mapping[Key, AtSync], vector: Array
             own = [k[x.part] for k in kicks]
             left = np.where(problem.kept[x.part], problem.measured[x.part] - base[x.part], 0.0)
             due = found[key].regular(sent[key])
-            late, untold = _late(problem.t_s[x.part], left, own, due, found[key].cycle_s)
-            if late.sum() > FEW:
+            told = told_late(problem.t_s[x.part], left, own, due, found[key].cycle_s)
+            if told is not None:
+                late, untold = told
                 out[key] = replace(
                     found[key],
                     late=tuple(sent[key][late].tolist()),
@@ -69,6 +72,21 @@ def with_latecomers(problem: Problem, found: Mapping[Key, AtSync], vector: Array
                     share=float(late.sum() / (~untold).sum()),
                 )
     return out
+
+
+def told_late(
+    t: Array, left: Array, kicks: list[Array], sent: Array, cycle_s: float
+) -> tuple[Flags, Flags] | None:
+    """Which frames sent at `sent` (K,) s act a tick late, and which nobody can tell; None where no more seem
+    to than by chance.
+
+    left: (N,) of a force at instants `t` (N,) s; kicks: APART of (N,), what one frame in so many makes of it.
+    What no late frame makes, kicks the other way, says how many are there by chance: a twin at odds with the
+    record leaves both alike.
+    """
+    late, untold = _late(t, left, kicks, sent, cycle_s)
+    by_chance, _ = _late(t, left, [-k for k in kicks], sent, cycle_s)
+    return (late, untold) if late.sum() > FEW + OFTEN * by_chance.sum() else None
 
 
 def _late(
