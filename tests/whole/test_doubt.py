@@ -137,13 +137,16 @@ def doubted(
     after: float,
     shrink: float | None,
     effect: str = "loop_gain",
+    *,
+    floor: float = 0.5,
+    surely: tuple[float, float] | None = None,
 ) -> float:
     """The chance that a fit of which nothing varies is none of the catalogue; unseen data begin at one."""
     monkeypatch.setattr(module, "variation", lambda *a: None)
     monkeypatch.setattr(module, "largest_ratio", lambda c, f: 2.0)
     leaf = Leaf(effect, "axis", (f"axis.{effect}.size",), (), "axis")
     f = SimpleNamespace(leaves=(leaf,), at_bound=(), names=(), values=np.array([]))
-    told = module.Told(share, gain, Score(("axis.force",), 1.0, after, 0.5, shrink, None))
+    told = module.Told(share, gain, Score(("axis.force",), 1.0, after, floor, shrink, surely))
     c = SimpleNamespace(problem=SimpleNamespace(discount=20.0))
     return module.doubt(c, None, f, told, None, 1.0)[0]
 
@@ -177,6 +180,12 @@ def test_flanks_that_nothing_else_looks_like_need_take_little_off_unseen_data(
 @pytest.mark.parametrize(("shrink", "is_doubtful"), [(0.97, False), (0.85, True)])
 def test_few_nats_are_no_chance_where_unseen_data_lose_their_gap(monkeypatch, shrink, is_doubtful):
     assert (doubted(monkeypatch, 0.97, 1.3, 1.0 - shrink, shrink) > 0.5) is is_doubtful
+
+
+@pytest.mark.parametrize(("surely", "is_doubtful"), [((0.97, 1.0), False), ((0.4, 1.0), True)])
+def test_nor_where_a_small_gap_of_theirs_surely_goes(monkeypatch, surely, is_doubtful):
+    doubt = doubted(monkeypatch, 0.97, 3.6, 0.8, 1.0, floor=0.8, surely=surely)
+    assert (doubt > 0.5) is is_doubtful
 
 
 @pytest.mark.parametrize(

@@ -118,12 +118,13 @@ def doubt(
     c: Calibrated, none: Fit, f: Fit, told: Told, bank: Bank, worth: float
 ) -> tuple[float, Variation | None]:
     """The chance, and the variation of a parameter where that is what tells; what acts once varies with
-    nothing."""
+    nothing. Where unseen data surely lose all of their gap, few nats are not by chance."""
     others = other_than_facts(f)
-    other = by_share(told.share, told.gain)
+    part = told.part
+    is_borne_out = part.shrink_ci is not None and part.shrink_ci[0] > BORNE_OUT[1]
+    other = chance(told.share, EXPLAINED) if is_borne_out else by_share(told.share, told.gain)
     if is_beyond(others, f):
         other = max(other, AT_BOUND)
-    part = told.part
     stands = part.before > STANDS * part.floor and len(others) == len(f.leaves)
     if part.shrink is not None and stands:
         if told.gain > CHANCE or part.shrink > BORNE_OUT[1]:
