@@ -232,6 +232,15 @@ def test_a_step_is_read_from_two_levels_between_which_a_signal_goes_to_and_fro()
     assert step_of(np.repeat([0.0, 699.0], 70)) is None  # a sensor that died
 
 
+@pytest.mark.parametrize("own", [0.0, 0.0026])
+def test_a_step_is_read_from_a_wheel_that_turns_by_several_of_them_each_time(own):
+    rng = np.random.default_rng(3)
+    turned = np.cumsum(rng.choice([3, 4], 3000)) * 0.031
+    told = np.round(turned / own) * own if own else turned
+    assert step_of(told, own) == pytest.approx(0.031, rel=1e-5)
+    assert step_of(np.cumsum(rng.uniform(0.09, 0.13, 3000)), own) is None
+
+
 def test_a_force_that_changes_once_and_never_again_is_a_stuck_sensor(healthy):
     dead = healthy.copy()
     dead["axis.force"] = dead["axis.force"].where(dead["axis.force"].isna(), 640.0)

@@ -29,6 +29,8 @@ OFF: Final = 0.03
 """Of a step, that a value may lie beside the grid."""
 FINER: Final = 0.3
 """Of a step, up to which another grid is a finer one."""
+TOO_FINE: Final = 2.0
+"""Times a finer grid's step, up to which two ways differ by that alone."""
 RETURNS: Final = 6
 """Changes between two levels from which on they are steps: a sensor that dies changes once."""
 
@@ -71,7 +73,18 @@ def step_of(values: Array, own: float = 0.0) -> float | None:
     gaps = gaps[gaps > 1e-9 * max(float(np.ptp(levels)), 1e-12)]
     if not len(gaps):
         return None
-    step = float(np.quantile(gaps, 0.02))
+    found = _on_grid(values, levels, gaps, float(np.quantile(gaps, 0.02)), own)
+    if found is not None:
+        return found
+    # what moves on by several steps from each value to the next: by how much its ways differ
+    ways = np.sort(gaps)
+    others = np.flatnonzero(np.diff(ways) > max(TOO_FINE * own, 1e-6 * ways[-1])) + 1
+    apart = np.diff([float(np.mean(alike)) for alike in np.split(ways, others)])
+    return _on_grid(values, levels, gaps, float(apart.min()), own) if len(apart) else None
+
+
+def _on_grid(values: Array, levels: Array, gaps: Array, step: float, own: float) -> float | None:
+    """About `step`, if nearly all `values` lie on a grid of such steps; `gaps`: between their `levels`."""
     aside = own / step if own < FINER * step else 0.0
     close = gaps[np.abs(gaps / step - np.round(gaps / step)) < 0.1 + aside]
     if len(close) < 0.9 * len(gaps):
