@@ -2,7 +2,8 @@
 
 Ticks are read from the kicks of force that twin and drive share. Where an effect is at work the twin's kicks
 are not the drive's: ticks are not found, or half a tick off, and then noise looks louder than it is and
-the true effect leaves what another might explain. So they are looked for beside the best fits as well.
+the true effect leaves what another might explain. So they are looked for beside the best fits as well, where
+the twin's kicks are others there.
 """
 
 from __future__ import annotations
@@ -11,13 +12,18 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.located.residual import cost
 from hil.gap.located.result import Located
 from hil.gap.record.arrivals import find_clocks
+from hil.gap.record.fineness import CLEARER, fineness
+from hil.gap.record.problem import Problem
 from hil.gap.record.ticks import Clocks
 from hil.gap.rounds.glimpsed import unlike
+
+Array = NDArray[np.float64]
 
 LESS: Final = 10.0
 """Nats by which ticks beside a fit must explain more than those beside the twin without effects."""
@@ -26,7 +32,9 @@ LESS: Final = 10.0
 def clocks_beside(located: Located, c: Calibrated, fits: Sequence[Fit]) -> Clocks | None:
     """The drives' ticks as that of the best `fits` shows them which then leaves least; None: as they are."""
     e = located.evidence
-    best = unlike(c, fits)
+    best = [f for f in unlike(c, fits) if _kicks_otherwise(e.problem, f.vector, c.vector)]
+    if not best:
+        return None
 
     def left(f: Fit, clocks: Clocks) -> float:
         residual = e.problem.with_clocks(clocks).residual(f.vector)
@@ -41,3 +49,16 @@ def clocks_beside(located: Located, c: Calibrated, fits: Sequence[Fit]) -> Clock
     if found is None:
         return None
     return found if least < min(left(f, e.problem.clocks) for f in best) - LESS else None
+
+
+def _kicks_otherwise(problem: Problem, vector: Array, usual: Array) -> bool:
+    """Whether forces show the ticks of `problem` otherwise beside the twin of `vector` than beside the
+    `usual` one, or those of a drive are not known."""
+    keys = [(k, a) for k in range(len(problem.pieces)) for a in problem.rig.actuator_names]
+    if any(key not in problem.clocks for key in keys):
+        return True
+    here, there = problem.predict(np.array([vector, usual]))
+    return any(
+        abs(fineness(problem, *key, here) - fineness(problem, *key, there)) > CLEARER
+        for key in keys
+    )
