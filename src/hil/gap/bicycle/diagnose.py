@@ -18,7 +18,7 @@ from hil.gap.bicycle.nuisances import ride_nuisances
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.road import slopes_of
 from hil.gap.bicycle.rounding import coarse_steps_of_rides, with_steps
-from hil.gap.bicycle.roundness import runs_out_m
+from hil.gap.bicycle.roundness import once_a_turn
 from hil.gap.bicycle.sets import fit_alone, fit_sets
 from hil.gap.bicycle.strained import exceeds_calibration, held_still, names_more, strained
 from hil.gap.bicycle.verdict import (
@@ -134,7 +134,7 @@ def _diagnosed(
                 rig = rig.model_copy(update={"effects": effects})
                 known = _as_ridden(healthy, rig, seed)
         wheels = _rides(known).wheels
-        is_old_wheel = runs_out_m(_rides(known).rides) is not None
+        is_old_wheel = once_a_turn(_rides(known).rides) is not None
         nuisances = as_found(known, ride_nuisances(rig, _rides(known)))
     q = _Question(loaded, rig, nuisances, without, seed, say)
 
@@ -153,9 +153,9 @@ def _diagnosed(
         calmer, told = on(SLOW, _rides(found.located).wheels)
         if calmer.verdict != "unknown" and not _still_follows(calmer, found.located.evidence.noise):
             found, findings = calmer, (*told, WANDERING)
-    size_m = runs_out_m(_rides(found.located).rides)
-    if size_m is not None and not is_old_wheel:
-        found = with_wheel(found, size_m)
+    beats = once_a_turn(_rides(found.located).rides)
+    if beats is not None and not is_old_wheel:
+        found = with_wheel(found, beats)
     if older is not None:
         findings = (older, *findings)
     located = replace(found.located, findings=(*found.located.findings, *findings))

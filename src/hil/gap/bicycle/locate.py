@@ -16,7 +16,7 @@ from hil.gap.bicycle.noise import no_louder, ride_noise, tempered
 from hil.gap.bicycle.nuisances import ride_nuisances
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.rolled import rolled
-from hil.gap.bicycle.roundness import out_of_round, runs_out_m
+from hil.gap.bicycle.roundness import once_a_turn
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.bicycle.wheels import THIN, Wheels
 from hil.gap.catalogue.nuisances import Nuisance
@@ -71,8 +71,8 @@ def locate_rides(
         findings.append(NARROW)
     if problem.signals == (LEAN_TORQUE,):
         findings.append(ALONE)
-    if (size_m := runs_out_m(rides)) is not None:
-        findings.append(Finding("warning", "wheel", f"is out of round: {out_of_round(size_m)}"))
+    if (beats := once_a_turn(rides)) is not None:
+        findings.append(Finding("warning", "wheel", beats))
     chosen = nuisances or ride_nuisances(rig, problem)
     rng = np.random.default_rng(seed)
     noise = ride_noise(problem, problem.base, rng, slow)

@@ -1,13 +1,13 @@
-"""Wheels that are out of round: what pitches a bicycle once a turn of a wheel.
+"""What beats once a turn of a wheel: wheels that are out of round, encoders off centre.
 
 A gap is judged on what the rider does, which is slow, and behind a filter. A wheel turns faster: what it does
-is looked for in the pitch rate as sensors told it, at one beat a turn, beside beats near it that nothing on
-a bicycle has.
+is looked for in the pitch rate and in the wheel's own rate as sensors told them, at one beat a turn, beside
+beats near it that nothing on a bicycle has.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -17,11 +17,16 @@ from hil.bicycle.recorded import Ride
 from hil.rigs.bicycle.parameters import rotation
 
 Array = NDArray[np.float64]
+Beat = tuple[float, float]
+"""How large what beats once a turn is, and what beats near it."""
 
 GYROS: Final = ("imu.gyro_x", "imu.gyro_y", "imu.gyro_z")
 RUNS_OUT_M: Final = 1e-3
-"""Up to which wheels are round: rims and tyres are made to some tenths of a millimetre [R; of 106 cases of
-four worlds, 103 have 0.7 mm at most, three whose wheels are out of round 2.1 and more]."""
+"""Up to which wheels are round: rims and tyres are made to some tenths of a millimetre [R; of 166 cases of
+five worlds, those whose wheels are round have 0.7 mm at most, four that are not 2.1 and more]."""
+OFF_CENTRE_RAD: Final = 4e-3
+"""Up to which an encoder sits on its axis: a tenth of a millimetre on a ring of 25 [R; of those cases all but
+four wheels out of round and one encoder off centre have 1.0 mrad at most, the encoder 6]."""
 BESIDE: Final = 4.0
 """Times what beats near it have, root mean square."""
 NEAR: Final = 0.02
@@ -33,41 +38,62 @@ FEWEST: Final = 10.0
 SLOWEST: Final = 2.0
 """rad/s: a wheel that hardly turns shakes nothing."""
 SMOOTH_S: Final = 0.1
-"""Over which the wheel's speed is taken."""
+"""Over which the wheel's speed is taken, to say what a lift makes of it."""
+USUAL_S: Final = 1.0
+"""Over which its usual speed is taken, to say what beats in it."""
 
 
-def runs_out_m(rides: Sequence[Ride]) -> float | None:
-    """By how much a wheel is out of round, m (amplitude), as all of the `rides` that can tell say; None where
-    one says that they are round, or none tells."""
-    told = [found for found in map(_runs_out, rides) if found is not None]
-    if not told or any(size < max(RUNS_OUT_M, BESIDE * beside) for size, beside in told):
+def once_a_turn(rides: Sequence[Ride]) -> str | None:
+    """In words, what beats once a turn of a wheel in all of the `rides` that can tell; None where nothing
+    does as no healthy wheel has it, or none tells."""
+    lift_m = _common(rides, _lift, RUNS_OUT_M)
+    if lift_m is not None:
+        size = f"{1e3 * lift_m:.1f} mm"
+        return (
+            f"a wheel is out of round, an end of the bicycle goes up and down by {size} once a turn"
+        )
+    ahead_rad = _common(rides, _ahead, OFF_CENTRE_RAD)
+    if ahead_rad is None:
+        return None
+    return f"the rear wheel's encoder is off centre, it runs ahead by {1e3 * ahead_rad:.1f} mrad once a turn"
+
+
+def _common(
+    rides: Sequence[Ride], beat: Callable[[Ride], Beat | None], least: float
+) -> float | None:
+    told = [found for found in map(beat, rides) if found is not None]
+    if not told or any(size < max(least, BESIDE * beside) for size, beside in told):
         return None
     return float(np.median([size for size, _ in told]))
 
 
-def out_of_round(size_m: float) -> str:
-    """What such a wheel does, in words."""
-    return f"an end of the bicycle goes up and down by {1e3 * size_m:.1f} mm once a turn of a wheel"
-
-
-def _runs_out(ride: Ride) -> tuple[float, float] | None:
-    """How far a wheel's contact goes up and down once a turn, m, and what beats near it would say; None where
-    a ride tells nothing of it."""
-    turned, t_s = ride.angles[:, 1], ride.t_s
-    rate = np.gradient(turned, ride.dt_s)
-    width = max(round(SMOOTH_S / ride.dt_s), 1)
-    rate = np.convolve(rate, np.ones(width) / width, "same")
+def _lift(ride: Ride) -> Beat | None:
+    """How far an end of the bicycle goes up and down once a turn, m (amplitude), by the pitch rate."""
     t, pitch = _pitch_rate(ride)
-    speed = np.interp(t, t_s, rate)
-    rolls = (t > t_s[0]) & (t < t_s[-1]) & (np.abs(speed) > SLOWEST)
-    angle = np.interp(t, t_s, turned)[rolls]
-    if not rolls.any() or float(np.ptp(angle)) < 2.0 * np.pi * FEWEST:
+    if not len(t):
         return None
-    beats = _beats(
-        pitch[rolls], angle, speed[rolls], ride.rig.geometry.wheelbase, _orders(ride, angle)
-    )
-    own = len(beats) - len(OTHERS)
-    return float(np.max(beats[:own])), float(np.sqrt(np.mean(beats[own:] ** 2)))
+    speed = np.interp(t, ride.t_s, _rate(ride, SMOOTH_S))
+    rolls = (t > ride.t_s[0]) & (t < ride.t_s[-1]) & (np.abs(speed) > SLOWEST)
+    angle = np.interp(t, ride.t_s, ride.angles[:, 1])
+    left = pitch[rolls] * ride.rig.geometry.wheelbase
+    front = ride.rig.geometry.R / ride.rig.geometry.front_radius
+    return _beat(left, angle[rolls], speed[rolls], front)
+
+
+def _ahead(ride: Ride) -> Beat | None:
+    """By how much the rear wheel's encoder runs ahead once a turn, rad (amplitude), by its own rate."""
+    usual = _rate(ride, USUAL_S)
+    rolls = np.abs(usual) > SLOWEST
+    left = (_rate(ride, 0.0) - usual)[rolls]
+    return _beat(left, ride.angles[rolls, 1], usual[rolls], None)
+
+
+def _rate(ride: Ride, smooth_s: float) -> Array:
+    """(N,) rad/s of the rear wheel, over so long."""
+    width = max(round(smooth_s / ride.dt_s), 1)
+    rate = np.gradient(ride.angles[:, 1], ride.dt_s)
+    ends = np.pad(rate, width // 2, mode="edge")
+    return np.convolve(ends, np.ones(width) / width, "same")[width // 2 : width // 2 + len(rate)]
 
 
 def _pitch_rate(ride: Ride) -> tuple[Array, Array]:
@@ -80,21 +106,19 @@ def _pitch_rate(ride: Ride) -> tuple[Array, Array]:
     return t, np.asarray(rotation(*imu.orientation)[1] @ np.array(axes))
 
 
-def _orders(ride: Ride, angle: Array) -> Array:
-    """Beats a turn of the rear wheel that are looked at: its own, those that the front wheel may have, and
-    OTHERS."""
-    front = ride.rig.geometry.R / ride.rig.geometry.front_radius
-    apart = 0.5 * np.pi / float(np.ptp(angle))
-    return np.concatenate([[1.0], front * np.arange(1.0 - NEAR, 1.0 + NEAR, apart), OTHERS])
+def _beat(left: Array, angle: Array, speed: Array, front: float | None) -> Beat | None:
+    """Of what goes to and fro as `left` (N,) 1/s at a wheel's angles (N,) rad and rates `speed` (N,) rad/s,
+    what beats once a turn of it, or `front` times and about; None of too few turns."""
+    if not len(left) or float(np.ptp(angle)) < 2.0 * np.pi * FEWEST:
+        return None
+    own = [1.0]
+    if front is not None:
+        apart = 0.5 * np.pi / float(np.ptp(angle))
+        own += (front * np.arange(1.0 - NEAR, 1.0 + NEAR, apart)).tolist()
 
+    def size(order: float) -> float:
+        ahead = order * speed
+        shape = np.column_stack([ahead * np.cos(order * angle), ahead * np.sin(order * angle)])
+        return float(np.hypot(*np.linalg.lstsq(shape, left - np.mean(left), rcond=None)[0]))
 
-def _beats(told: Array, angle: Array, speed: Array, wheelbase_m: float, orders: Array) -> Array:
-    """(len(orders),) m by which a wheel would be out of round that turns the bicycle as `told` (N,) rad/s, at
-    angles (N,) rad and rates `speed` (N,) rad/s: one end of the wheelbase goes up and down by it."""
-    left = told - np.mean(told)
-    out = np.empty(len(orders))
-    for k, order in enumerate(orders):
-        lift = speed * order / wheelbase_m
-        shape = np.column_stack([lift * np.cos(order * angle), lift * np.sin(order * angle)])
-        out[k] = float(np.hypot(*np.linalg.lstsq(shape, left, rcond=None)[0]))
-    return out
+    return max(map(size, own)), float(np.sqrt(np.mean([size(k) ** 2 for k in OTHERS])))

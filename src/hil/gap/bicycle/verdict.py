@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from hil.gap.bicycle.roundness import out_of_round
 from hil.gap.bicycle.sideslip import SCALE, is_no_slip
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.fits.fitted import Calibrated, Fit
@@ -135,11 +134,11 @@ def unsaid(found: Diagnosis) -> Diagnosis:
     return replace(found, verdict="unknown", sentence=sentence, unknown=1.0)
 
 
-def with_wheel(found: Diagnosis, size_m: float) -> Diagnosis:
-    """`found`, unknown where it is no gap, for a wheel is out of round by `size_m`: no model has that."""
+def with_wheel(found: Diagnosis, beats: str) -> Diagnosis:
+    """`found`, unknown where it is no gap: what `beats` once a turn of a wheel is in no model."""
     if found.verdict != "no_gap":
         return found
-    sentence = f"A gap that nothing in the catalogue explains: {out_of_round(size_m)}."
+    sentence = f"A gap that nothing in the catalogue explains: {beats}."
     return replace(found, verdict="unknown", sentence=sentence, unknown=1.0)
 
 
