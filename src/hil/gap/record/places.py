@@ -232,17 +232,16 @@ def _best(seen: _Seen, table: Array, tick_s: float, spread: Array, among: Array)
     origin, count = float(seen.t[0]), len(spread)
     without, at_places, at_among = np.split(table, [len(SHIFTS), len(SHIFTS) + count])
     best = _Best(Ticks(0.0, 0.0, origin), 0, np.inf)
-    columns = np.arange(len(seen.t))
+    columns, places = np.arange(len(seen.t)), np.arange(count)[:, None]
     for rate in np.arange(-FASTEST, FASTEST + 1e-12, RATE_STEP):
         shift = rate * (seen.t - origin) / tick_s
         unlikely = 0.5 * (rate / USUAL) ** 2 / seen.count
-        for p in range(count):
-            k = np.round(p + shift * count).astype(np.int64) % count
-            totals = np.mean(at_places[k, :, columns], axis=0) + unlikely
-            late = int(np.argmin(totals))
-            if totals[late] < best.size:
-                ticks = Ticks(float(spread[p]), float(rate), origin)
-                best = _Best(ticks, late, float(totals[late]))
+        k = np.round(places + shift * count).astype(np.int64) % count
+        totals = np.mean(at_places[k, :, columns], axis=1) + unlikely
+        p, late = map(int, np.unravel_index(int(np.argmin(totals)), totals.shape))
+        if totals[p, late] < best.size:
+            ticks = Ticks(float(spread[p]), float(rate), origin)
+            best = _Best(ticks, late, float(totals[p, late]))
     for phase_s, sizes in zip(among, np.mean(at_among, axis=2), strict=False):
         late = int(np.argmin(sizes))
         if sizes[late] < best.size:
