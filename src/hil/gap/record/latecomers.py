@@ -82,22 +82,21 @@ def told_late(
 
     left: (N,) of a force at instants `t` (N,) s; kicks: APART of (N,), what one frame in so many makes of it.
     What no late frame makes, kicks the other way, says how many are there by chance: a twin at odds with the
-    record leaves both alike.
+    record leaves both alike. Those are looked for in what the late frames leave, for what comes after a late
+    one looks like them.
     """
-    late, untold = _late(t, left, kicks, sent, cycle_s)
-    by_chance, _ = _late(t, left, [-k for k in kicks], sent, cycle_s)
-    return (late, untold) if late.sum() > FEW + OFTEN * by_chance.sum() else None
-
-
-def _late(
-    t: Array, left: Array, kicks: list[Array], sent: Array, cycle_s: float
-) -> tuple[Flags, Flags]:
-    """Which frames sent at `sent` (K,) are late, for their kick is in what is `left` (N,) at `t` (N,), and
-    which nobody can tell, for noise would hide it."""
     first = np.maximum(np.searchsorted(t, sent) - 1, 0)
     last = np.searchsorted(t, sent + LASTS * cycle_s)
     step, shapes = np.diff(left), np.diff(np.array(kicks), axis=1)
-    late, untold = np.zeros(len(sent), dtype=bool), np.zeros(len(sent), dtype=bool)
+    late, untold = _late(step, shapes, first, last)
+    by_chance, _ = _late(step, -shapes, first, last)
+    return (late, untold) if late.sum() > FEW + OFTEN * by_chance.sum() else None
+
+
+def _late(step: Array, shapes: Array, first: Indices, last: Indices) -> tuple[Flags, Flags]:
+    """Which frames (K,) are late, for their kick is in `step` (N - 1,), from which those are taken, and which
+    nobody can tell, for noise would hide it; arguments as of `_asked`."""
+    late, untold = np.zeros(len(first), dtype=bool), np.zeros(len(first), dtype=bool)
     for _ in range(ROUNDS):
         noise = (1.4826 * float(np.median(np.abs(step)))) ** 2
         if not _asked(step, shapes, first, last, noise, late, untold):
