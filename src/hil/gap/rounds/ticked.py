@@ -32,16 +32,15 @@ LESS: Final = 10.0
 def clocks_beside(located: Located, c: Calibrated, fits: Sequence[Fit]) -> Clocks | None:
     """The drives' ticks as that of the best `fits` shows them which then leaves least; None: as they are."""
     e = located.evidence
-    best = [f for f in unlike(c, fits) if _kicks_otherwise(e.problem, f.vector, c.vector)]
-    if not best:
-        return None
+    best = unlike(c, fits)
+    asked = [f for f in best if _kicks_otherwise(e.problem, f.vector, c.vector)]
 
     def left(f: Fit, clocks: Clocks) -> float:
         residual = e.problem.with_clocks(clocks).residual(f.vector)
         return cost(e.noise.whiten(e.problem, residual), f.z, e.problem.discount)
 
     least, found = np.inf, None
-    for f in best:
+    for f in asked:
         clocks = find_clocks(e.problem.with_clocks({}), f.vector)
         if set(clocks) >= set(e.problem.clocks) and clocks != e.problem.clocks:
             size = left(f, clocks)
