@@ -12,15 +12,17 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from hil.bicycle.recorded import Ride
+from hil.bicycle.sensors import IMU_SIGNALS
 from hil.rigs.bicycle.parameters import rotation
 
 Array = NDArray[np.float64]
 Beat = tuple[float, float]
 """How large what beats once a turn is, and what beats near it."""
 
-GYROS: Final = ("imu.gyro_x", "imu.gyro_y", "imu.gyro_z")
+GYROS: Final = IMU_SIGNALS[:3]
 RUNS_OUT_M: Final = 1e-3
 """Up to which wheels are round: rims and tyres are made to some tenths of a millimetre [R; of 166 cases of
 five worlds, those whose wheels are round have 0.7 mm at most, four that are not 2.1 and more]."""
@@ -92,8 +94,7 @@ def _rate(ride: Ride, smooth_s: float) -> Array:
     """(N,) rad/s of the rear wheel, over so long."""
     width = max(round(smooth_s / ride.dt_s), 1)
     rate = np.gradient(ride.angles[:, 1], ride.dt_s)
-    ends = np.pad(rate, width // 2, mode="edge")
-    return np.convolve(ends, np.ones(width) / width, "same")[width // 2 : width // 2 + len(rate)]
+    return np.asarray(uniform_filter1d(rate, width, mode="nearest"))
 
 
 def _pitch_rate(ride: Ride) -> tuple[Array, Array]:
