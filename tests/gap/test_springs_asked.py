@@ -30,3 +30,31 @@ def test_springs_are_asked_of_small_and_unknown_gaps(
     question = SimpleNamespace(seed=0, say=lambda text: None)
     assert on_springs(question, mine) == (mine, None)
     assert bool(glimpses) is asked
+
+
+def test_all_candidates_are_looked_at_beside_the_softest_springs_alone_that_explain_better(
+    monkeypatch,
+):
+    looked, unknown = [], SimpleNamespace(verdict="unknown", effects=[])
+
+    def seen(q, mine, twin):
+        other = SimpleNamespace(rig=twin)
+        return SimpleNamespace(is_promising=twin > 80.0, may_be_nothing=False, other=other)
+
+    def whole(q, located, parts, bank):
+        looked.append(located)
+        return SimpleNamespace(
+            rig=located, calibrated=None, fits=[None], answer=lambda seed: unknown
+        )
+
+    monkeypatch.setattr(twins, "sprung_twin", lambda rig, bend_hz: bend_hz)
+    monkeypatch.setattr(twins, "glimpsed", seen)
+    monkeypatch.setattr(twins, "considered", whole)
+    monkeypatch.setattr(twins, "explains_better", lambda c, fits, others: True)
+    mine = SimpleNamespace(
+        answer=lambda seed: unknown, is_large=True, rig=None, calibrated=None, fits=[None],
+        parts=None, bank=None,
+    )  # fmt: skip
+    question = SimpleNamespace(seed=0, say=lambda text: None, locate=lambda rig: rig)
+    assert on_springs(question, mine) == (mine, None)
+    assert looked == [90.0], "one round of all candidates, not one for each"

@@ -85,6 +85,18 @@ def test_one_frame_in_eight_that_is_lost_is_counted_where_its_loss_would_show():
     assert found.score.shrink > 0.8
 
 
+def test_frames_lost_in_bursts_are_found_each():
+    starts, lengths = (232, 455, 678, 955, 1180), (5, 2, 4, 1, 6)
+    frames = [a + k for a, n in zip(starts, lengths, strict=True) for k in range(n)]
+    asked = with_lost_frames(frames=frames)
+    found = diagnose(asked, AXIS)
+    assert found.verdict == "identified"
+    assert named(found) == {("lost_frames", "bus")}
+    share = len(frames) / asked["axis.setpoint"].notna().sum()
+    assert value(found, "lost_frames", "setpoints").value == pytest.approx(share, rel=0.25)
+    assert found.score.shrink > 0.9
+
+
 def with_lost_frames(*effects, every=40, frames=()):
     """A record whose drive never saw one setpoint in `every`, or those numbered `frames`."""
     asked = record(*effects)

@@ -15,15 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.gap.fits.fitted import Calibrated, Fit, loss
+from hil.gap.fits.lost import (
+    APART,
+    Burst,
+    Lost,
+    at_once,
+    bursts_of,
+    count,
+    replaced,
+    without,
+)
 from hil.gap.record.leaf import Leaf, Start
 from hil.gap.record.problem import Problem, run_all
-from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
-Lost = dict[str, NDArray[np.int64]]
 
-EVERY: Final = 12
-"""Marks of frames so far apart do not reach each other."""
 REACH: Final = 10
 """Cycles over which a mark is looked for."""
 ODDS: Final = 6.0
@@ -37,6 +43,8 @@ FEWEST: Final = 4
 PLAIN: Final = (2, 60.0)
 """Frames, and nats of their marks, that tell as well: two that are lost as a rig is struck [healthy records
 and faults from outside, 142 records of two worlds: two or three marks have 35 at most]."""
+LOUD: Final = 5.0
+"""Spreads of the noise that what singly lost frames leave about them does not reach."""
 AT_ONCE: Final = 0.5
 """Share of the lost frames of several drives that are one cycle's, from which on it was no bus that lost
 them, one by one, but a host that sent none."""
@@ -52,25 +60,25 @@ def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
     if any(p.mode != "position" for p in problem.pieces) or problem.rig.bus.cycle < 2e-3:
         return None
     lost, plain = _find(c, base)
-    count = _count(lost)
-    if count < PLAIN[0] or _at_once(problem, lost) > AT_ONCE:
+    frames = count(lost)
+    if frames < PLAIN[0] or at_once(problem.pieces, lost, problem.rig.bus.cycle) > AT_ONCE:
         return None
     residual = problem.measured - _answers(problem, base, [lost])[0]
     if not np.all(np.isfinite(residual)):
         return None
     white = c.noise.whiten(problem, residual)
-    if count < FEWEST and base.cost(c.train) - float(np.sum(loss(white[c.train]))) < PLAIN[1]:
+    if frames < FEWEST and base.cost(c.train) - float(np.sum(loss(white[c.train]))) < PLAIN[1]:
         return None
     vector = np.array(base.vector)
-    share, frames = _share(problem, lost, plain)
+    share, of = _share(problem, lost, plain)
     vector[problem.table.index(SETPOINTS)] = share
     leaf = Leaf(EFFECT, "bus", (SETPOINTS, ANSWERS), (Start({}, ()),), None)
-    sd = np.array([np.sqrt(share / frames), 0.0])
+    sd = np.array([np.sqrt(share / of), 0.0])
     return replace(
         base, leaves=(*base.leaves, leaf), names=(*base.names, SETPOINTS, ANSWERS),
         values=np.append(base.values, [share, 0.0]), search_sd=np.append(base.search_sd, sd),
         vector=vector, residual=residual, white=white,
-        extra_cost=base.extra_cost + ODDS * count,
+        extra_cost=base.extra_cost + ODDS * frames,
     )  # fmt: skip
 
 
@@ -83,21 +91,82 @@ def _find(c: Calibrated, base: Fit) -> tuple[list[Lost], list[Lost]]:
     ]
     turned, plain = _worth_turning(c, base, lost, white)
     for _ in range(PASSES):
-        if not _count(turned):
+        if not count(turned):
             break
         further = [
             {a: np.setxor1d(k, now[a]) for a, k in one.items()}
             for one, now in zip(turned, lost, strict=True)
         ]
-        left = c.noise.whiten(problem, problem.measured - _answers(problem, base, [further])[0])
+        left = _left(c, base, further)
         gain = float(np.sum(loss(white)) - np.sum(loss(left)))
-        if not gain > ODDS * (_count(further) - _count(lost)):
+        if not gain > ODDS * (count(further) - count(lost)):
             break
         lost, white = further, left
-        if _count(lost) < FEWEST:
+        if count(lost) < FEWEST:
             break
+        lost, white = _in_bursts(c, base, lost, white)
         turned, _ = _worth_turning(c, base, lost, white)
     return lost, plain
+
+
+def _in_bursts(
+    c: Calibrated, base: Fit, lost: list[Lost], white: Array
+) -> tuple[list[Lost], Array]:
+    """`lost` with whole bursts in place of frames that leave much about them, and what is left (N,).
+
+    Where nothing reaches a drive for longer its mark is unlike those of single frames: these find an end of
+    it, and others behind it that were not lost.
+    """
+    problem = c.problem
+    for _ in range(PASSES):
+        near = [(b, _near(problem, b)) for b in bursts_of(lost, problem.pieces)]
+        near = [(b, part) for b, part in near if np.any(np.abs(white[part]) > LOUD)]
+        if not near:
+            break
+        runs = [b.runs() for b, _ in near]
+        tried = [
+            replaced(lost, [(b, mine[k]) for (b, _), mine in zip(near, runs, strict=True)])
+            for k in range(len(runs[0]))
+        ]
+        worth = np.full((len(tried), len(near)), -np.inf)
+        for k, answer in enumerate(_answers(problem, base, tried)):
+            if not np.all(np.isfinite(answer)):
+                continue
+            gain = loss(white) - loss(c.noise.whiten(problem, problem.measured - answer))
+            for j, (b, part) in enumerate(near):
+                more = len(runs[j][k]) - b.lost
+                worth[k, j] = float(np.sum(gain[part])) - ODDS * more
+        best = np.argmax(worth, axis=0)
+        chosen = [
+            (b, runs[j][k])
+            for j, ((b, _), k) in enumerate(zip(near, best, strict=True))
+            if worth[k, j] > 0.0
+        ]
+        further = replaced(lost, chosen)
+        left = _left(c, base, further)
+        gained = float(np.sum(loss(white)) - np.sum(loss(left)))
+        if not chosen or not gained > ODDS * (count(further) - count(lost)):
+            break
+        lost, white = further, left
+    return lost, white
+
+
+def _near(problem: Problem, burst: Burst) -> NDArray[np.bool_]:
+    """(N,) samples of the drive that a burst's mark reaches, were it as long as any that is tried."""
+    sent = problem.pieces[burst.stretch].setpoints[burst.actuator][0]
+    most = np.concatenate(burst.runs())
+    out = np.zeros(len(problem.measured), dtype=bool)
+    for x in problem.series:
+        if x.stretch == burst.stretch and x.actuator == burst.actuator:
+            t = problem.t_s[x.part]
+            end = sent[most.max()] + REACH * problem.rig.bus.cycle
+            out[x.part] = (t >= sent[most.min()]) & (t < end) & problem.kept[x.part]
+    return out
+
+
+def _left(c: Calibrated, base: Fit, lost: Sequence[Lost]) -> Array:
+    """(N,) what the twin without those frames leaves, whitened."""
+    return c.noise.whiten(c.problem, c.problem.measured - _answers(c.problem, base, [lost])[0])
 
 
 def _worth_turning(
@@ -109,12 +178,12 @@ def _worth_turning(
     combed = [
         [
             {
-                a: np.setxor1d(np.arange(first, len(t), EVERY), one[a])
+                a: np.setxor1d(np.arange(first, len(t), APART), one[a])
                 for a, (t, _) in p.setpoints.items()
             }
             for p, one in zip(problem.pieces, lost, strict=True)
         ]
-        for first in range(EVERY)
+        for first in range(APART)
     ]
     now, *others = _answers(problem, base, [list(lost), *combed])
     gains = [{a: np.zeros(len(t)) for a, (t, _) in p.setpoints.items()} for p in problem.pieces]
@@ -127,14 +196,14 @@ def _worth_turning(
         for x in problem.series:
             if x.actuator == "imu":
                 continue
-            sent = problem.pieces[x.stretch].setpoints[x.actuator][0][first::EVERY]
+            sent = problem.pieces[x.stretch].setpoints[x.actuator][0][first::APART]
             t = problem.t_s[x.part]
             k = np.searchsorted(sent, t, side="right") - 1
             ok = (k >= 0) & problem.kept[x.part]
             ok &= t < sent[np.maximum(k, 0)] + REACH * problem.rig.bus.cycle
             for nats, of_each in ((gains, gain), (sizes, size)):
                 total = np.bincount(k[ok], of_each[x.part][ok], minlength=len(sent))
-                nats[x.stretch][x.actuator][first::EVERY] += total
+                nats[x.stretch][x.actuator][first::APART] += total
     turned = [
         {a: _peaks(g, one[a]) for a, g in nats.items()}
         for nats, one in zip(gains, lost, strict=True)
@@ -151,9 +220,9 @@ def _share(problem: Problem, lost: Sequence[Lost], plain: Sequence[Lost]) -> tup
         for a, k in two.items()
     )
     if found:
-        return found / _count(plain), _count(plain)
+        return found / count(plain), count(plain)
     frames = sum(len(t) for p in problem.pieces for t, _ in p.setpoints.values())
-    return _count(lost) / frames, frames
+    return count(lost) / frames, frames
 
 
 def _peaks(gain: Array, lost: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -169,38 +238,10 @@ def _answers(problem: Problem, base: Fit, many: Sequence[Sequence[Lost]]) -> lis
     """The twin's samples where these frames never arrived, for each of `many`."""
     flat = run_all(
         [
-            (problem.job(_without(p, one)), base.vector)
+            (problem.job(without(p, one)), base.vector)
             for lost in many
             for p, one in zip(problem.pieces, lost, strict=True)
         ]
     )
     per = len(problem.pieces)
     return [np.concatenate(flat[k * per : (k + 1) * per]) for k in range(len(many))]
-
-
-def _count(lost: Sequence[Lost]) -> int:
-    return sum(len(k) for one in lost for k in one.values())
-
-
-def _at_once(problem: Problem, lost: Sequence[Lost]) -> float:
-    """Share of the lost frames in whose cycle another drive's was lost as well."""
-    half = 0.5 * problem.rig.bus.cycle
-    shared, total = 0, 0
-    for piece, one in zip(problem.pieces, lost, strict=True):
-        at = {a: piece.setpoints[a][0][k] for a, k in one.items()}
-        for a, own in at.items():
-            others = np.sort(np.concatenate([np.empty(0), *(t for b, t in at.items() if b != a)]))
-            early, late = (np.searchsorted(others, own + edge) for edge in (-half, half))
-            shared += int(np.sum(late > early))
-            total += len(own)
-    return shared / max(total, 1)
-
-
-def _without(piece: Stretch, lost: Lost) -> Stretch:
-    told = {}
-    for a, (t, v) in piece.setpoints.items():
-        keep = np.ones(len(t), dtype=bool)
-        keep[lost.get(a, np.empty(0, dtype=np.int64))] = False
-        keep[0] = True
-        told[a] = (t[keep], v[keep])
-    return replace(piece, setpoints=told)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from hil.gap.fits.evidence import ALIKE, distance, explains_better, weigh
+from hil.gap.fits.evidence import ALIKE, distance, weigh
 from hil.gap.fits.fit import fit
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.starts import relative
@@ -35,11 +35,6 @@ def again(mine: Calibrated, fits: Sequence[Fit], other: Calibrated, none: Fit) -
     `mine` is of, made anew beside it."""
     made = (fit(other, f.leaves, relative(mine, f), f.z) for f in unlike(mine, fits))
     return [none, *(f for f in made if f is not None)]
-
-
-def is_promising(mine: Calibrated, fits: Sequence[Fit], seen: Sequence[Fit]) -> bool:
-    """Whether another twin, `seen` by `again`, explains better than that of `mine`, with effects or none."""
-    return explains_better(mine, fits, seen) or explains_better(mine, fits[:1], seen[:1])
 
 
 def may_be_nothing(other: Calibrated, seen: Sequence[Fit]) -> bool:

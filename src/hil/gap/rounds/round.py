@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hil.config import Effect, RigFile
 from hil.gap.catalogue.bank import Bank
-from hil.gap.fits.evidence import gain, weigh
+from hil.gap.fits.evidence import explains_better, gain, weigh
 from hil.gap.fits.facts import missed, rounded
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.heldout import Split, split
@@ -23,7 +23,7 @@ from hil.gap.located.habit import Habit
 from hil.gap.located.result import Located
 from hil.gap.record.missing import Missing
 from hil.gap.rounds.calmer import calmed
-from hil.gap.rounds.glimpsed import again, is_promising, may_be_nothing
+from hil.gap.rounds.glimpsed import again, may_be_nothing
 from hil.gap.rounds.question import Question
 from hil.gap.search.candidates import fit_candidates, fitted_again
 
@@ -86,8 +86,10 @@ class Glimpse:
 
     other: Considered
     """Of those candidates alone."""
+    is_better: bool
+    """Whether it explains better with the best of them."""
     is_promising: bool
-    """Whether it explains better."""
+    """Whether it explains better with effects or none."""
     may_be_nothing: bool
     """Whether it leaves nothing to find."""
 
@@ -132,4 +134,6 @@ def glimpsed(q: Question, mine: Considered, twin: RigFile) -> Glimpse:
     other = Considered(
         there, c, tuple(seen), mine.bank, mine.parts, stands(there, c, none), q.missing
     )
-    return Glimpse(other, is_promising(mine.calibrated, mine.fits, seen), may_be_nothing(c, seen))
+    is_better = explains_better(mine.calibrated, mine.fits, seen)
+    is_promising = is_better or explains_better(mine.calibrated, mine.fits[:1], seen[:1])
+    return Glimpse(other, is_better, is_promising, may_be_nothing(c, seen))

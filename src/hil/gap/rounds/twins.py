@@ -6,6 +6,7 @@ drives act elsewhere, calls what every machine has a fault.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -18,7 +19,7 @@ from hil.gap.located.habits import DRAWS, GUIDES, HABITS
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.rounds.question import Question
-from hil.gap.rounds.round import Considered, considered, glimpsed
+from hil.gap.rounds.round import Considered, Glimpse, considered, glimpsed
 from hil.gap.rounds.ticked import clocks_beside
 
 SPRINGY: Final = ("compliance", "loop_gain")
@@ -75,27 +76,42 @@ def with_ticks(q: Question, mine: Considered) -> Considered:
 
 
 def with_habits(q: Question, mine: Considered) -> tuple[Considered, Habits]:
-    """`mine`, or what explains better with habits of its drives and legs; and which."""
+    """`mine`, or what explains better with habits of its drives and legs; and which.
+
+    A habit beside which the likeliest fits explain better is kept at a glimpse, and the next one asked for
+    beside it: all candidates are looked at once, beside all of them.
+    """
     found: Habits = []
+    seen, glimpse = mine, None
     for habit in HABITS:
-        if habit.is_plain or (habit.is_unlike and mine.explains_all()):
+        if habit.is_plain or (habit.is_unlike and seen.explains_all()):
             continue
-        share = share_of(habit, mine.located)
+        share = share_of(habit, seen.located)
         if share == 0.0:
             continue
-        twin = habit.twin(mine.rig, share)
         q.say(f"a glimpse of {habit.step}")
-        glimpse = glimpsed(q, mine, twin)
-        if not glimpse.is_promising:
+        next_one = glimpsed(q, seen, habit.twin(seen.rig, share))
+        if not next_one.is_promising:
             continue
-        other = glimpse.other
-        if not (_is_faint(mine) and _is_faint(other)):
-            q.say(f"once more with {habit.step}")
-            other = considered(q, glimpse.located(q), mine.parts, mine.bank)
-        if _better(mine, other) is not mine:
-            mine = other
-            found.append((habit, share))
-    return mine, found
+        if next_one.is_better:
+            seen, glimpse = next_one.other, next_one
+        else:
+            other = _with(q, mine, next_one, [habit])
+            if _better(seen, other) is seen:
+                continue
+            seen, glimpse = other, None
+        found.append((habit, share))
+    if glimpse is not None:
+        seen = _with(q, mine, glimpse, [h for h, _ in found])
+    return (seen, found) if _better(mine, seen) is not mine else (mine, [])
+
+
+def _with(q: Question, mine: Considered, glimpse: Glimpse, habits: Sequence[Habit]) -> Considered:
+    """All candidates of `mine` beside the twin of a `glimpse`, which has `habits`."""
+    if _is_faint(mine) and _is_faint(glimpse.other):
+        return glimpse.other
+    q.say(f"once more with {' and '.join(h.step for h in habits)}")
+    return considered(q, glimpse.located(q), mine.parts, mine.bank)
 
 
 def _is_faint(x: Considered) -> bool:
@@ -129,21 +145,24 @@ def on_springs(q: Question, mine: Considered) -> tuple[Considered, Finding | Non
     told = mine.answer(q.seed)
     if told.verdict == "no_gap" or (mine.is_large and not _may_be_springs(told)):
         return mine, None
-    for bend_hz in BENDS_HZ:
-        twin = sprung_twin(mine.rig, bend_hz)
-        q.say(f"a glimpse of transmissions that swing at {bend_hz:g} Hz, as healthy ones do")
-        glimpse = glimpsed(q, mine, twin)
-        if not (glimpse.is_promising or glimpse.may_be_nothing):
+    seen, glimpse, bend_hz = mine, None, 0.0
+    for softer_hz in BENDS_HZ:
+        q.say(f"a glimpse of transmissions that swing at {softer_hz:g} Hz, as healthy ones do")
+        next_one = glimpsed(q, seen, sprung_twin(mine.rig, softer_hz))
+        if not (next_one.is_promising or (glimpse is None and next_one.may_be_nothing)):
             break
-        q.say(f"once more with transmissions that swing at {bend_hz:g} Hz")
-        # located anew: beside the stiff twin's ticks a blow is smaller than it is
-        other = considered(q, q.locate(twin), mine.parts, mine.bank)
-        is_better = _better(mine, other) is other
-        is_worse = explains_better(other.calibrated, other.fits[:1], mine.fits)
-        if is_springs(other.answer(q.seed), bend_hz, is_better=is_better, is_worse=is_worse):
-            return other, _springs_found(bend_hz)
-        if not is_better:
+        seen, glimpse, bend_hz = next_one.other, next_one, softer_hz
+        if next_one.may_be_nothing:
             break
+    if glimpse is None:
+        return mine, None
+    q.say(f"once more with transmissions that swing at {bend_hz:g} Hz")
+    # located anew: beside the stiff twin's ticks a blow is smaller than it is
+    other = considered(q, q.locate(glimpse.other.rig), mine.parts, mine.bank)
+    is_better = _better(mine, other) is other
+    is_worse = explains_better(other.calibrated, other.fits[:1], mine.fits)
+    if is_springs(other.answer(q.seed), bend_hz, is_better=is_better, is_worse=is_worse):
+        return other, _springs_found(bend_hz)
     return mine, None
 
 
