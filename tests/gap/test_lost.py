@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hil.gap.fits.lost import GATHER, Burst, bursts_of, count, replaced
+from hil.gap.fits.lost import GATHER, Burst, at_once, bursts_of, count, replaced
 
 SENT = np.arange(100.0), np.zeros(100)
 PIECES = [SimpleNamespace(setpoints={"leg1": SENT, "leg2": SENT})] * 2
@@ -42,3 +42,14 @@ def test_a_run_takes_the_place_of_its_burst_and_of_nothing_else():
     run = replaced(lost, [(burst, numbers(7, 8, 9))])
     assert run[0]["leg1"].tolist() == [7, 8, 9, 40]
     assert (count(lost), count(run)) == (3, 4)
+
+
+def test_frames_of_the_same_cycles_were_lost_by_no_bus():
+    sent = np.arange(100) * 0.01
+    legs = {f"leg{k}": (sent + 0.0003 * k, sent) for k in range(3)}
+    pieces = [SimpleNamespace(setpoints=legs)]
+    stall = {a: np.array([10, 40, 70]) for a in legs}
+    apart = {a: np.array([10 + k, 40 + 3 * k, 70 + 5 * k]) for k, a in enumerate(legs)}
+    assert at_once(pieces, [stall], 0.01) == 1.0
+    assert at_once(pieces, [apart], 0.01) == 0.0
+    assert at_once(pieces, [{"leg0": np.array([3])}], 0.01) == 0.0

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hil.gap import diagnose
 from hil.gap.catalogue.nuisances import default_nuisances
-from hil.gap.fits.frames import _at_once
 from hil.gap.fits.heldout import split
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.located.locate import locate
@@ -73,17 +71,3 @@ def test_knocks_that_weights_cut_as_spikes_are_asked_for_gaps():
     knocked[part][::40] += 15.0 * c.noise.sigma[part][::40]
     asked = {x.effect for x in suspects(c, replace(none, residual=knocked), leaves)}
     assert "backlash" in asked
-
-
-def test_frames_of_the_same_cycles_were_lost_by_no_bus():
-    sent = np.arange(100) * 0.01
-    legs = {f"leg{k}": (sent + 0.0003 * k, sent) for k in range(3)}
-    problem = SimpleNamespace(
-        rig=SimpleNamespace(bus=SimpleNamespace(cycle=0.01)),
-        pieces=[SimpleNamespace(setpoints=legs)],
-    )
-    stall = {a: np.array([10, 40, 70]) for a in legs}
-    apart = {a: np.array([10 + k, 40 + 3 * k, 70 + 5 * k]) for k, a in enumerate(legs)}
-    assert _at_once(problem, [stall]) == 1.0
-    assert _at_once(problem, [apart]) == 0.0
-    assert _at_once(problem, [{"leg0": np.array([3])}]) == 0.0
