@@ -58,3 +58,13 @@ def test_friction_behind_such_a_drive_is_found(tmp_path: Path) -> None:
     best = diagnose(run, rig).causes[0]
     assert (best.effect, best.location) == ("coulomb_friction", "axis")
     assert best.parameters["force"].value == pytest.approx(45.0, rel=0.1)
+
+
+def test_targets_that_such_a_drive_never_got_are_lost_frames(tmp_path: Path) -> None:
+    hidden = effect("lost_frames", "bus", setpoints=0.003)
+    run, rig = ridden(tmp_path, "axis_canopen", "drive", hidden)
+    found = diagnose(run, rig)
+    assert found.verdict == "identified", found.sentence
+    assert [(x.effect, x.location) for x in found.effects] == [("lost_frames", "bus")]
+    share = found.effects[0].parameters["setpoints"]
+    assert share.ci[0] < 0.003 < share.ci[1] < 0.01
