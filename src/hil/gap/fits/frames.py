@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from hil.gap.fits.fitted import Calibrated, Fit, loss
 from hil.gap.fits.lost import (
-    APART,
     Burst,
     Lost,
     at_once,
@@ -30,6 +29,8 @@ from hil.gap.record.problem import Problem, run_all
 
 Array = NDArray[np.float64]
 
+EVERY: Final = 12
+"""Marks of frames so far apart do not reach each other."""
 REACH: Final = 10
 """Cycles over which a mark is looked for."""
 ODDS: Final = 6.0
@@ -44,7 +45,7 @@ PLAIN: Final = (2, 60.0)
 """Frames, and nats of their marks, that tell as well: two that are lost as a rig is struck [healthy records
 and faults from outside, 142 records of two worlds: two or three marks have 35 at most]."""
 LOUD: Final = 5.0
-"""Spreads of the noise that what singly lost frames leave about them does not reach."""
+"""Spreads of the noise from which on what is left about lost frames may be a burst's [R]."""
 AT_ONCE: Final = 0.5
 """Share of the lost frames of several drives that are one cycle's, from which on it was no bus that lost
 them, one by one, but a host that sent none."""
@@ -98,8 +99,7 @@ def _find(c: Calibrated, base: Fit) -> tuple[list[Lost], list[Lost]]:
             for one, now in zip(turned, lost, strict=True)
         ]
         left = _left(c, base, further)
-        gain = float(np.sum(loss(white)) - np.sum(loss(left)))
-        if not gain > ODDS * (count(further) - count(lost)):
+        if not _pays(white, left, lost, further):
             break
         lost, white = further, left
         if count(lost) < FEWEST:
@@ -144,8 +144,7 @@ def _in_bursts(
         ]
         further = replaced(lost, chosen)
         left = _left(c, base, further)
-        gained = float(np.sum(loss(white)) - np.sum(loss(left)))
-        if not chosen or not gained > ODDS * (count(further) - count(lost)):
+        if not chosen or not _pays(white, left, lost, further):
             break
         lost, white = further, left
     return lost, white
@@ -164,6 +163,12 @@ def _near(problem: Problem, burst: Burst) -> NDArray[np.bool_]:
     return out
 
 
+def _pays(white: Array, left: Array, lost: Sequence[Lost], further: Sequence[Lost]) -> bool:
+    """Whether what is `left` with `further` in place of `lost`, `white` before, is worth the frames more."""
+    gain = float(np.sum(loss(white)) - np.sum(loss(left)))
+    return gain > ODDS * (count(further) - count(lost))
+
+
 def _left(c: Calibrated, base: Fit, lost: Sequence[Lost]) -> Array:
     """(N,) what the twin without those frames leaves, whitened."""
     return c.noise.whiten(c.problem, c.problem.measured - _answers(c.problem, base, [lost])[0])
@@ -178,12 +183,12 @@ def _worth_turning(
     combed = [
         [
             {
-                a: np.setxor1d(np.arange(first, len(t), APART), one[a])
+                a: np.setxor1d(np.arange(first, len(t), EVERY), one[a])
                 for a, (t, _) in p.setpoints.items()
             }
             for p, one in zip(problem.pieces, lost, strict=True)
         ]
-        for first in range(APART)
+        for first in range(EVERY)
     ]
     now, *others = _answers(problem, base, [list(lost), *combed])
     gains = [{a: np.zeros(len(t)) for a, (t, _) in p.setpoints.items()} for p in problem.pieces]
@@ -196,14 +201,14 @@ def _worth_turning(
         for x in problem.series:
             if x.actuator == "imu":
                 continue
-            sent = problem.pieces[x.stretch].setpoints[x.actuator][0][first::APART]
+            sent = problem.pieces[x.stretch].setpoints[x.actuator][0][first::EVERY]
             t = problem.t_s[x.part]
             k = np.searchsorted(sent, t, side="right") - 1
             ok = (k >= 0) & problem.kept[x.part]
             ok &= t < sent[np.maximum(k, 0)] + REACH * problem.rig.bus.cycle
             for nats, of_each in ((gains, gain), (sizes, size)):
                 total = np.bincount(k[ok], of_each[x.part][ok], minlength=len(sent))
-                nats[x.stretch][x.actuator][first::APART] += total
+                nats[x.stretch][x.actuator][first::EVERY] += total
     turned = [
         {a: _peaks(g, one[a]) for a, g in nats.items()}
         for nats, one in zip(gains, lost, strict=True)

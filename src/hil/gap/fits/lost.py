@@ -14,8 +14,6 @@ from hil.identify.replay import Stretch
 Lost = dict[str, NDArray[np.int64]]
 """Of each drive of a stretch the numbers of its lost setpoints, in order."""
 
-APART: Final = 12
-"""Frames from which on marks of lost ones do not reach each other."""
 ABOUT: Final = (-1, 0, 1)
 """Frames by which the first and the last one found may be off."""
 LENGTHS: Final = (2, 3, 4, 6, 8)
