@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from hil.bicycle.effects import RideEffects, differenced
 from hil.bicycle.path import slalom
 from hil.bicycle.simulated import save, simulate_ride
 from hil.bicycle.world import STEP_S, ride_along
 from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import RunError
-from hil.rigs.bicycle import Whipple
+from hil.rigs.bicycle import Whipple, pack
 from hil.rigs.bicycle.forward import _row_at
 from hil.runs import load_run
 
@@ -95,6 +96,39 @@ def test_a_rider_who_leans_needs_other_steer():
     )
     assert np.abs(leaning.rider_lean).max() > 0.01
     assert np.abs(still.rider_lean).max() == 0.0
+
+
+def test_a_rider_swings_as_an_accelerometer_at_his_pivot_says():
+    """A pendulum under the specific force and roll acceleration of a sensor that sits where he turns: it has
+    gravity, the bend and, ahead of the rear wheel, yaw in it."""
+    tables = with_effect("rider_motion", stiffness=600.0, damping=40.0).model_dump()
+    tables["imu"]["position"] = tables["rider"]["pivot"]
+    tables["imu"]["orientation"] = (0.0, 0.0, 0.0)
+    rig = BicycleFile.model_validate(tables)
+    truth = ride_along(rig, slalom(50.0))
+    m, h = rig.rider.mass, rig.rider.height
+    own = rig.rider.inertia + m * h * h
+    swings = np.gradient(np.gradient(truth.rider_lean, STEP_S), STEP_S)
+    held = 600.0 * truth.rider_lean + 40.0 * np.gradient(truth.rider_lean, STEP_S)
+    across, up = truth.imu[:, 4], truth.imu[:, 5]
+    rolls = np.gradient(truth.imu[:, 0], STEP_S)
+    bends = m * h * (across + up * truth.rider_lean) - held - own * rolls
+    inside = slice(2000, -2000)
+    assert np.std((own * swings - bends)[inside]) < 0.06 * np.std(held[inside])
+
+
+def test_a_rider_who_swings_is_all_the_lean_torque_that_is_left():
+    """Of the rigid model under the ride's true motion: the world and the twin put him in apart."""
+    rig = with_effect("rider_motion", stiffness=600.0, damping=40.0)
+    truth = ride_along(rig, slalom(50.0))
+    told = differenced(STEP_S * 20, truth.q[::20, [3, 4, 6]])
+    effects = RideEffects.of(rig)
+    motion = effects.motion(pack(rig), told)
+    inside = (motion.speed > 3.0) & (np.abs(truth.torques[::20, 0]) < 1e-9)
+    inside[:50] = inside[-50:] = False
+    left = effects.lean_torque(rig, motion)[inside]
+    rigid = motion.lean_torque[inside]
+    assert np.std(left) < 0.15 * np.std(rigid)
 
 
 def test_a_saved_ride_is_a_run_of_its_bicycle_without_its_secrets(weaving, tmp_path):

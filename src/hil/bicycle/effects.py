@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
+from hil.bicycle.aside import goes_aside
 from hil.bicycle.creep import rolls
 from hil.bicycle.sensors import IMU_SIGNALS, Sensor, misaligned
 from hil.config import BicycleFile
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 
 SPRINGS: Final = ("bicycle.front_suspension.stiffness", "bicycle.tyre_compliance.stiffness")
 CREEP: Final = "rear_wheel.drive_slip.per_accel"
+ASIDE: Final = "rear_wheel.side_slip.per_accel"
 PASSES: Final = 2
 """Of the ride's low-pass over what fork and tyres answer: accelerations are second differences and need as
 much."""
@@ -78,7 +80,8 @@ class RideEffects:
         springs = (v[f"{fork}.stiffness"], tyres[0], tyres[0])
         dampers = (v[f"{fork}.damping"], tyres[1], tyres[1])
         bicycle = self.bicycle(packed)
-        return ride(bicycle, self._rolled(bicycle, told, start), start, springs, dampers)
+        ridden = ride(bicycle, self._rolled(bicycle, told, start), start, springs, dampers)
+        return goes_aside(ridden, bicycle, v[ASIDE])
 
     def _rolled(
         self, bicycle: Packed, told: Smooth, start: tuple[float, float, float, float]
@@ -173,7 +176,8 @@ def rider_torque(rig: BicycleFile, motion: Motion, values: Mapping[str, float]) 
     """(N,) lean torque on the frame by a rider whose upper body leans against it, N m; first order in lean.
 
     Upper body as a pendulum on the frame: own a'' + c a' + (k - m h g) a = m h across - k gain theta
-    - lever theta'', and on the frame m h g a - lever a''.
+    - lever theta'', and on the frame m h g a - lever a''. Across: gravity, and what the pivot goes aside
+    with: the rear contact and, ahead of that, yaw.
     """
     name = "bicycle.rider_motion"
     stiffness, gain = values[f"{name}.stiffness"], values[f"{name}.gain"]
@@ -186,7 +190,8 @@ def rider_torque(rig: BicycleFile, motion: Motion, values: Mapping[str, float]) 
     lever = own + m * h * (rig.rider.pivot[2] + rig.geometry.R)
     if not np.isfinite(stiffness):
         return np.asarray(-gain * (m * h * g * lean - lever * bend))
-    across = g * np.sin(lean) + motion.speed * motion.qd[:, 2] * np.cos(lean)
+    ahead = rig.rider.pivot[0] * motion.qdd[:, 2]
+    across = g * np.sin(lean) + (motion.speed * motion.qd[:, 2] + ahead) * np.cos(lean)
     load = m * h * across - stiffness * gain * lean - lever * bend
     damping, held = values[f"{name}.damping"], stiffness - m * h * g
     # trapezoidal rule of the pendulum's equation, second order in the step and stable at any stiffness

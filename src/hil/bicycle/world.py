@@ -93,7 +93,7 @@ def ride_along(
 
 
 def _rider(rig: BicycleFile, values: Mapping[str, float]) -> Array:
-    """(7,) as `forward.accelerate` wants it; mass 0 where the rider does not move."""
+    """(8,) as `forward.accelerate` wants it; mass 0 where the rider does not move."""
     name = "bicycle.rider_motion"
     stiffness, gain = values[f"{name}.stiffness"], values[f"{name}.gain"]
     if not np.isfinite(stiffness):
@@ -109,6 +109,7 @@ def _rider(rig: BicycleFile, values: Mapping[str, float]) -> Array:
             stiffness,
             values[f"{name}.damping"],
             gain,
+            rig.rider.pivot[0],
         ]
     )
 

@@ -208,9 +208,11 @@ REAR_WHEEL: Effects = {"wheel_radius": (*WHEEL["wheel_radius"], FRAME)}
 SLIP: Effects = {
     "wheel_slip": (Spec("coefficient", "1", 0.0, -0.2, 0.5, 0.01),),
     "drive_slip": (Spec("per_accel", "s²/m", 0.0, 0.0, 0.05, 0.002),),
+    "side_slip": (Spec("per_accel", "rad·s²/m", 0.0, -0.05, 0.05, 0.001),),
 }
 """Of the wheel that drives: a share of its way, whatever it does; and a share for each m/s² that it drives or
-brakes with, as tyres creep under load, which is no finding."""
+brakes with, as tyres creep under load, and an angle for each m/s² across, as they slip aside (both wheels
+alike), which are no findings."""
 
 
 def size(effects: Effects) -> int:

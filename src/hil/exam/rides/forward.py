@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from hil.compiled import compiled, inner
-from hil.rigs.bicycle.forward import rider_torques
+from hil.rigs.bicycle.forward import carry, rider_torques
 from hil.rigs.bicycle.kernel import (
     assemble,
     close_loop,
@@ -60,12 +60,12 @@ def tyre_force(law, load, u, rate):  # type: ignore[no-untyped-def]
 def accelerate(mem, ws, bicycle, laws, load, torque, q, qd, back, qdd):  # type: ignore[no-untyped-def]
     """Close q, complete qd, fill qdd; returns whether that went, and the rider's angular acceleration.
 
-    `laws`: fork (5,), rear and front tyre (3,), rider (7,): mass, pivot's height, height above it, inertia,
-    stiffness, damping, gain. `back`: lean against the frame, its rate, the lean that the rider answers.
+    `laws`: fork (5,), rear and front tyre (3,), rider (8,) as `carry` wants it. `back`: lean against the
+    frame, its rate, the lean that the rider answers.
     """
     p, body, extra, _sensor = bicycle
     fork, rear, front, rider = laws
-    M, Q, D, order, N, Mr, Qr, bias, c, dc, contact, rows, order6 = ws
+    M, Q, D, order, N, Mr, Qr, bias, c, dc, contact, rows, order6, pulled = ws
     residual, _ = close_loop(p, q, c, dc, contact)
     if not residual < 1e-9:
         return False, 0.0
@@ -90,19 +90,11 @@ def accelerate(mem, ws, bicycle, laws, load, torque, q, qd, back, qdd):  # type:
         Q[9] -= fork_force(fork, load[0], q[9], qd[9])
     Q[10] -= tyre_force(rear, load[1], q[10], qd[10])
     Q[11] -= tyre_force(front, load[2], q[11], qd[11])
-    bend, lever, own = 0.0, 0.0, 1.0
+    bend = 0.0
     if rider[0] > 0.0:
-        m, up, h, inertia = rider[0], rider[1], rider[2], rider[3]
-        own = inertia + m * h * h
-        lever = own + m * h * up
         a = back[0] + rider[6] * back[2]
         held = rider[4] * a * (1.0 + (a / BACK) ** 2) + rider[5] * back[1]
-        speed = qd[0] * math.cos(q[2]) + qd[1] * math.sin(q[2])
-        across = extra[0] * math.sin(q[3]) + speed * qd[2] * math.cos(q[3])
-        along = extra[0] * math.cos(q[3])
-        bend = (m * h * (across + along * back[0]) - held) / own
-        Q[3] += m * h * along * back[0] - lever * bend
-        M[3, 3] -= lever * lever / own
+        bend = carry(rider, extra[0], held, back[0], q, M, Q, pulled)
     reduce(mem, D, order, M, Q, 12, rows, N, Mr, Qr, bias)
     if fork[0] >= LOCKED:
         for s in range(6):
@@ -118,8 +110,8 @@ def accelerate(mem, ws, bicycle, laws, load, torque, q, qd, back, qdd):  # type:
         for r in range(6):
             x += N[i, r] * Qr[r]
         qdd[i] = x
-    if rider[0] > 0.0:
-        bend -= lever / own * qdd[3]
+    for i in range(4):
+        bend -= pulled[i] * qdd[i]
     return True, bend
 
 
@@ -140,6 +132,7 @@ def memories():  # type: ignore[no-untyped-def]
         np.zeros(3),
         np.array([6, 7, 8, 9, 10, 11]),
         np.zeros(6, np.int64),
+        np.zeros(4),
     )
 
 

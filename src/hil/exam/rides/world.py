@@ -190,14 +190,14 @@ def _springs(b: Bicycle, rng: np.random.Generator) -> tuple[Array, Array, Array]
 def _rider(b: Bicycle, rng: np.random.Generator) -> Array:
     told = b.values("rider_motion", "bicycle")
     if not told:
-        return np.zeros(7)
+        return np.zeros(8)
     r = b.rig.rider
     stiffness = told.get("stiffness", STIFF_BACK)
     return np.array(
         [
             r.mass * (1.0 + 0.03 * rng.uniform(-1.0, 1.0)), r.pivot[2] + b.rig.geometry.R, r.height,
             r.inertia, stiffness if np.isfinite(stiffness) else STIFF_BACK,
-            told.get("damping", 100.0), told.get("gain", 0.0),
+            told.get("damping", 100.0), told.get("gain", 0.0), r.pivot[0],
         ]
     )  # fmt: skip
 

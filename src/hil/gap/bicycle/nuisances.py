@@ -62,9 +62,13 @@ def wheel_nuisances(wheels: Wheels) -> tuple[Nuisance, ...]:
     """What such wheels do."""
     (turns, give), (late_s, give_s) = wheels.turns_by, wheels.turns_late_s
     (creeps, spread), (section_m, spread_m) = wheels.creeps, wheels.round_m
+    aside, spread_aside = wheels.aside
     section = f"{LEAN_TORQUE}.tyre_section.radius"
     return (
         Nuisance("rear_wheel.drive_slip.per_accel", spread, "s²/m", mean=creeps, drift=ROLLING),
+        Nuisance(
+            "rear_wheel.side_slip.per_accel", spread_aside, "rad·s²/m", mean=aside, drift=ROLLING
+        ),
         Nuisance("steer.sensor_scale.scale", give, "1", mean=-turns, drift=ROLLING),
         Nuisance("steer.sensor_latency.delay", give_s, "s", mean=-late_s, drift=ROLLING),
         Nuisance(section, spread_m, "m", mean=section_m),

@@ -1,7 +1,7 @@
 """On which sort of wheels rides were ridden, as the rides themselves tell.
 
-Four things that tyres do and thin wheels do not are estimated together with all nuisances, each with a prior
-so wide that it says nothing. An effect moves some of the four, seldom all: each speaks for one sort or the
+Five things that tyres do and thin wheels do not are estimated together with all nuisances, each with a prior
+so wide that it says nothing. An effect moves some of the five, seldom all: each speaks for one sort or the
 other by its own likelihood, and one that neither sort explains does not speak.
 """
 
@@ -28,7 +28,7 @@ BESIDE: Final = {"rear_wheel.wheel_radius.scale": 0.02, "imu.sensor_latency.dela
 """Priors of what may be off as far as this beside: a wheel of another radius or one that slips turns a
 bicycle otherwise, a late IMU feels what drives it later, as with tyres."""
 DISTURBED: Final = 0.2
-"""Chance that something else moves one of the four [R]."""
+"""Chance that something else moves one of the five [R]."""
 CLEAR: Final = 3.0
 """Nats by which thin wheels must be more likely than tyres, which nearly all bicycles have [R]."""
 BENT: Final = 1.5

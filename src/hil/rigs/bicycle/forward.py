@@ -45,6 +45,7 @@ def workspace():  # type: ignore[no-untyped-def]
         np.zeros(3),
         np.array([6, 7, 8, 9, 10, 11]),
         np.zeros(6, np.int64),
+        np.zeros(4),
     )
 
 
@@ -60,17 +61,41 @@ def height(road, spacing, at):  # type: ignore[no-untyped-def]
 
 
 @inner
+def carry(rider, gravity, held, alpha, q, M, Q, pulled):  # type: ignore[no-untyped-def]
+    """Put an upper body that leans by `alpha` against the frame, `held` by so much torque, into M and Q.
+
+    First order in its lean: a pendulum about an axis along the frame, whose pivot goes aside with the rear
+    contact, with yaw ahead of it and with lean above it. `rider` as `accelerate` has it. Returns alpha''
+    where nothing else accelerates and fills `pulled` (4,): what it has less for each of q[:4] that does.
+    """
+    m, up, h, inertia = rider[0], rider[1], rider[2], rider[3]
+    own = inertia + m * h * h
+    across, along = m * h * math.cos(q[3]), m * h * gravity * math.cos(q[3])
+    pulled[0], pulled[1] = across * math.sin(q[2]), -across * math.cos(q[2])
+    pulled[2], pulled[3] = -across * rider[7], own + m * h * up
+    bend = (m * h * gravity * math.sin(q[3]) + along * alpha - held) / own
+    for i in range(4):
+        Q[i] -= pulled[i] * bend
+        for k in range(4):
+            M[i, k] -= pulled[i] * pulled[k] / own
+    Q[3] += along * alpha
+    for i in range(4):
+        pulled[i] /= own
+    return bend
+
+
+@inner
 def accelerate(mem, ws, bicycle, world, torque, q, qd, alpha, qdd):  # type: ignore[no-untyped-def]
     """Close q, complete qd from its independent speeds, fill qdd; returns alpha''. False where broken.
 
     `bicycle`: p, body, extra, sensor. `world`: stiffness, damping and static load (3,) of fork and tyres;
-    rider (7,): mass, pivot's height above the road, height above it, inertia, stiffness, damping, gain of
-    counter-lean; road heights and their spacing. `torque`: lean, drive, steer. `alpha`: the rider's lean
-    against the frame and its rate.
+    rider (8,): mass, pivot's height above the road, height above it, inertia, stiffness, damping, gain of
+    counter-lean, pivot's place ahead of the rear axle; road heights and their spacing. `torque`: lean, drive,
+    steer. `alpha`: the rider's lean against the frame and its rate.
     """
     p, body, extra, _sensor = bicycle
     spring, damper, load, rider, road, spacing = world
-    M, Q, D, order, N, Mr, Qr, bias, c, dc, contact, rows, order6 = ws
+    M, Q, D, order, N, Mr, Qr, bias, c, dc, contact, rows, order6, pulled = ws
     residual, _ = close_loop(p, q, c, dc, contact)
     if not residual < 1e-9:
         return False, 0.0
@@ -101,18 +126,10 @@ def accelerate(mem, ws, bicycle, world, torque, q, qd, alpha, qdd):  # type: ign
             Q[9 + k] -= (
                 load[k] + spring[k] * (q[9 + k] + z) + damper[k] * (qd[9 + k] + slope * speed)
             )
-    bend, lever, own = 0.0, 0.0, 1.0
+    bend = 0.0
     if rider[0] > 0.0:
-        m, up, h, inertia = rider[0], rider[1], rider[2], rider[3]
-        lever = inertia + m * h * (h + up)
-        own = inertia + m * h * h
         held = rider[4] * (alpha[0] + rider[6] * q[3]) + rider[5] * alpha[1]
-        # of the frame's own motion: gravity and centripetal acceleration across it, at the pivot
-        across = extra[0] * math.sin(q[3]) + speed * qd[2] * math.cos(q[3])
-        along = extra[0] * math.cos(q[3])
-        bend = (m * h * (across + along * alpha[0]) - held) / own
-        Q[3] += m * h * along * alpha[0] - lever * bend
-        M[3, 3] -= lever * lever / own  # alpha'' has - lever / own theta'' besides
+        bend = carry(rider, extra[0], held, alpha[0], q, M, Q, pulled)
     reduce(mem, D, order, M, Q, 12, rows, N, Mr, Qr, bias)
     for r in range(3):
         if spring[r] >= 1e15:
@@ -129,8 +146,8 @@ def accelerate(mem, ws, bicycle, world, torque, q, qd, alpha, qdd):  # type: ign
         for r in range(6):
             x += N[i, r] * Qr[r]
         qdd[i] = x
-    if rider[0] > 0.0:
-        bend -= lever / own * qdd[3]
+    for i in range(4):
+        bend -= pulled[i] * qdd[i]
     return True, bend
 
 

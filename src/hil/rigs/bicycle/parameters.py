@@ -18,6 +18,7 @@ from hil.rigs.bicycle.rider import impossible_rider
 Array = NDArray[np.float64]
 
 RADIUS_REAR, RADIUS_FRONT, ROLLING = 0, 1, 2
+G3_UP, G4_UP = 8, 10
 BODIES = ("rear wheel", "rear frame with rider", "handlebar and fork", "front wheel")
 
 
