@@ -4,7 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from hil.configfile import load_bicycle
 from hil.gap.bicycle.verdict import is_usual
+
+RIG = load_bicycle("bicycle")
 
 
 def found(*effects):
@@ -26,12 +29,15 @@ def found(*effects):
         (("tyre_compliance", "bicycle", "stiffness", 1.5e5), True),
         (("tyre_compliance", "bicycle", "stiffness", 8e4), False),
         (("sensor_bias", "lean", "offset", 0.001), False),
+        (("sensor_bias", "steer", "offset", -0.001), True),  # its encoder's step is 2.6 mrad
+        (("sensor_bias", "steer", "offset", 0.002), False),
+        (("sensor_bias", "imu.gyro_x", "offset", 1e-4), False),
     ],
 )
 def test_small_ones_are_no_finding(effect, usual):
-    assert is_usual(found(effect)) is usual
-    assert not is_usual(found(effect, ("sensor_bias", "lean", "offset", 0.02)))
+    assert is_usual(found(effect), RIG) is usual
+    assert not is_usual(found(effect, ("sensor_bias", "lean", "offset", 0.02)), RIG)
 
 
 def test_nothing_found_is_nothing_usual():
-    assert not is_usual(found())
+    assert not is_usual(found(), RIG)

@@ -14,6 +14,7 @@ from hil.config import BicycleFile
 from hil.configfile import load_bicycle
 from hil.errors import IdentificationError
 from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
+from hil.gap.bicycle.growing import growth
 from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.nuisances import ride_nuisances
@@ -390,13 +391,18 @@ def test_what_an_exact_effect_explains_is_counted_above_what_the_sensors_tell(do
 
 
 def test_clocks_that_part_are_not_claimed_to_be_a_latency_where_they_may_not_be_named():
-    """A delay explains most of what grows from nothing to twice it, and a true one would explain all."""
-    drifts = ("clock_drift", "imu", {"rate": -0.002})
-    run = ridden(short(), 27, drifts, *ROLLS)
-    found = diagnose_rides([run], NOMINAL, without=["clock_drift"])
-    assert all(x.probability < 0.9 for x in found.causes), found.sentence
-    named = diagnose_rides([ridden(short(), 25, drifts)], NOMINAL)
-    assert named.causes[0].probability > 0.9
+    """A late IMU explains most of what grows from nothing to twice it, and a true one would not grow."""
+    drifts = ("clock_drift", "imu", {"rate": 0.004})
+    found = diagnose_rides([ridden(short(), 29, drifts)], NOMINAL, without=["clock_drift"])
+    assert all(x.probability < 0.5 for x in found.causes), found.sentence
+    share, nats = growth(found.calibrated, found.best, found.best.leaves)
+    assert (share, nats) == (pytest.approx(0.8, abs=0.3), pytest.approx(30.0, abs=20.0))
+    late = ("sensor_latency", "imu", {"delay": 0.03})
+    for kept in (drifts, late):
+        named = diagnose_rides([ridden(short(), 25, kept)], NOMINAL)
+        assert [(x.effect, x.location) for x in named.effects] == [kept[:2]]
+        assert named.causes[0].probability > 0.9
+        assert abs(growth(named.calibrated, named.best, named.best.leaves)[0]) < 0.2
 
 
 def test_no_sensor_is_early_and_no_wheel_goes_further_than_it_rolls(healthy):

@@ -294,7 +294,7 @@ def _weighed(
         told = by_energy(
             answer(located, c, every, bank, held, parts.text, q.seed, is_gap), measured
         )
-        if is_usual(told):
+        if is_usual(told, q.rig):
             sentence = "No gap but what any healthy bicycle and its sensors have."
             usual = replace(no_gap(located, parts.text), sentence=sentence)
             return replace(usual, not_excited=told.not_excited)

@@ -12,18 +12,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.gap.bicycle.beside import beside
 from hil.gap.bicycle.problem import RideProblem
 from hil.gap.bicycle.twin import RideTwin
 from hil.gap.fits.fit import sensitivities
-from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of, weight
+from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of
 
 Array = NDArray[np.float64]
 
 SCALE: Final = "steer.sensor_scale.scale"
 SMALL: Final = 1e-3
 """rad for each m/s² across, for differences: about what hard tyres have."""
-TURNS: Final = 4
-"""Reweighted steps that make the tyres' fit robust."""
 LEFT: Final = 0.04
 """Of what the scale takes off, by which tyres must leave more: no form of theirs is known better [set on
 rides of two worlds: of three with such tyres none leave more than with a scale, one with a scale 0.075]."""
@@ -51,18 +50,10 @@ def is_no_slip(c: Calibrated, none: Fit, best: Fit) -> bool:
     moved = c.problem.table[SCALE]
     back = back * (moved.to_search(1.0) - moved.to_search(scale))
     others = [n.name != SCALE for n in c.nuisances]
-    free = np.column_stack([_column(c, best), c.jacobian[:, others]])[c.train]
     rest = (best.white - back)[c.train]
-    prior = np.eye(free.shape[1])
-    prior[0, 0] = 0.0
-    here = np.concatenate([[0.0], best.z[others]])
     spread = spread_of(c, best.white)
-    step = np.zeros(free.shape[1])
-    for _ in range(TURNS):
-        w = weight((rest - free @ step) / spread)[:, None]
-        H = free.T @ (w * free) + spread**2 * prior
-        step = np.linalg.solve(H, free.T @ (w[:, 0] * rest) - spread**2 * prior @ here)
-    left = float(np.sum(loss((rest - free @ step) / spread)))
+    tyres, held = _column(c, best)[c.train, None], c.jacobian[:, others][c.train]
+    left, _ = beside(rest, tyres, held, best.z[others], spread)
     told = float(np.sum(loss(best.white[c.train] / spread)))
     was = float(np.sum(loss(none.white[c.train] / spread)))
     return left - told > max(LEFT * (was - told), TEMPER * NATS)

@@ -9,6 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from hil.bicycle.sensors import noise_of
+from hil.config import BicycleFile
+from hil.config.bicycle import SIGNALS
+from hil.gap.bicycle.growing import grow
 from hil.gap.bicycle.sideslip import SCALE, is_no_slip
 from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.fits.fitted import Calibrated, Fit
@@ -70,6 +74,10 @@ curves tells less of the lean that they need [set on used-up exams and rides of 
 these that were named were not there, most of them for such a thing; of eight scales of the steer above 1, six
 were tyres, of five in seven later worlds one; of four later worlds' forks 9 of 11 were there, of their tyres
 8 of 8]."""
+DRIFT: Final = "clock_drift"
+"""The one effect that grows with time itself."""
+GROWN: Final = 0.6
+"""Chance that an effect which grows along the rides is none of the catalogue, or may not be named."""
 OF_SETS: Final = 0.3
 """The same at most for sets, whose other effects would stand all the same."""
 SLIGHT: Final = 0.1
@@ -103,6 +111,16 @@ def twins(c: Calibrated, none: Fit, best: Fit) -> list[tuple[float, str]]:
         (min(TWINS[x.name][0], most), TWINS[x.name][1]) for x in best.leaves
         if x.name in TWINS and not (x.name == "steer.sensor_scale" and is_steer)
     ]  # fmt: skip
+
+
+def _growing(c: Calibrated, best: Fit) -> list[tuple[float, str]]:
+    """The same of effects that are exact but grow along the rides."""
+    others = other_than_facts(best)
+    exact = [x for x in others if x.effect in EXACT - {DRIFT}]
+    if not exact or not grow(c, best, exact):
+        return []
+    most = GROWN if len(others) == 1 else OF_SETS
+    return [(most, "something that grows along the rides, as what warms up or works loose does")]
 
 
 def leaves_as_much(c: Calibrated, best: Fit, unseen: Score) -> bool:
@@ -142,14 +160,18 @@ def with_wheel(found: Diagnosis, beats: str) -> Diagnosis:
     return replace(found, verdict="unknown", sentence=sentence, unknown=1.0)
 
 
-def is_usual(found: Diagnosis) -> bool:
+def is_usual(found: Diagnosis, rig: BicycleFile) -> bool:
     """Whether all that was found is that a bicycle gives way as hard tyres and stiff frames do, or that a
     sensor is off by what its maker allows."""
-    return bool(found.effects) and all(map(_is_trifle, found.effects))
+    return bool(found.effects) and all(_is_trifle(x, rig) for x in found.effects)
 
 
-def _is_trifle(x: Cause) -> bool:
-    """Whether an effect is no more than any healthy bicycle or sensor has of it."""
+def _is_trifle(x: Cause, rig: BicycleFile) -> bool:
+    """Whether an effect is no more than any healthy bicycle or sensor has of it: a zero within half a step of
+    its encoder is where it was found when that was switched on."""
+    if x.effect == "sensor_bias" and x.location in SIGNALS:
+        _, step = noise_of(x.location, rig)
+        return abs(x.parameters["offset"].value) < 0.5 * step
     if x.effect in FIRM:
         return x.parameters["stiffness"].value > FIRM[x.effect]
     if x.effect == "sensor_scale" and x.location != "rear_wheel":  # an encoder counts exactly
@@ -174,7 +196,7 @@ def by_energy(found: Diagnosis, measured: NoiseModel) -> Diagnosis:
     worth = None if unseen is None or unseen.before <= STANDS * unseen.floor else unseen.shrink
     if unseen is not None and leaves_as_much(c, best, unseen):
         worth = None if worth is None or worth < BORNE_OUT[0] else worth
-    least, twin = max([(OTHERWISE, ""), *twins(c, none, best)])
+    least, twin = max([(OTHERWISE, ""), *twins(c, none, best), *_growing(c, best)])
     others = other_than_facts(best)
     is_sprung = len(others) == 1 and others[0].effect in SPRUNG
     usual = SPRUNG_EXPLAINED if is_sprung else EXPLAINED
