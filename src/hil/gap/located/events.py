@@ -100,7 +100,7 @@ def jumps(located: Located) -> tuple[str | None, float]:
             held.get(signal, 0.0),
             knocks.get(signal, 0.0),
             _hum(located, signal) / HUM,
-            swings(located, signal) / SWINGS,
+            swings(located, signal)[0] / SWINGS,
         )
         if times > most:
             worst, most = signal, times

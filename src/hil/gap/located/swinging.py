@@ -26,22 +26,24 @@ HZ: Final = (0.5, 10.0)
 """Slower is what friction and masses are off by, faster is ringing of drives."""
 
 
-def swings(located: Located, signal: str) -> float:
+def swings(located: Located, signal: str) -> tuple[float, float]:
     """How many times the floor's the spectrum of what is left of a force is where it stands highest, by the
-    geometric mean over its records; 0 of other signals and where all records are short."""
+    geometric mean over its records, and at how many hertz; zeros of other signals and where all records are
+    short."""
     e = located.evidence
     rows = np.vstack([e.residual, e.noise.draws])
     asked = [
         x for x in e.problem.series if x.signal == signal and x.quantity in ("force", "current")
     ]
     told = [p for x in asked if (p := _stands(e.problem, x, rows)) is not None]
-    if not told:
-        return 0.0
-    top_hz = min(HZ[1], *(TOP * hz[-1] for hz, _, _ in told))
+    top_hz = min((min(HZ[1], TOP * hz[-1]) for hz, _, _ in told), default=0.0)
+    if top_hz <= HZ[0]:
+        return 0.0, 0.0
     at_hz = np.arange(HZ[0], top_hz, 1.0 / PIECE_S)
     logs = [np.interp(at_hz, hz, times) for hz, times, _ in told]
     mean = np.average(logs, axis=0, weights=[length for _, _, length in told])
-    return float(np.exp(np.max(mean, initial=-np.inf)))
+    k = int(np.argmax(mean))
+    return float(np.exp(mean[k])), float(at_hz[k])
 
 
 def _stands(problem: Problem, x: Series, rows: Array) -> tuple[Array, Array, int] | None:
