@@ -118,7 +118,7 @@ def _small(located: Located, held_out: str) -> Diagnosis:
     if stands > SWINGS:
         what = (
             f"{signal} swings beside the twin's all the time, most about {hz:.1f} Hz, where it stands "
-            f"{stands:.1f} times above its floor"
+            f"{stands:.1f} times further above its floor than elsewhere"
         )
     sentence = f"A gap that nothing in the catalogue explains: {what}."
     return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)

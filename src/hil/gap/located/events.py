@@ -74,9 +74,9 @@ FINE: Final = 4.0
 """Frequencies for each that a record tells apart."""
 
 
-SWINGS: Final = 4.0
-"""Times the floor's, what a force's spectrum stands at somewhere all the time, that is a gap alone: healthy
-rigs of four worlds and a used-up exam stay below 2.9 (22 records of axes)."""
+SWINGS: Final = 3.5
+"""Times the floor's, what a force's spectrum stands at somewhere all the time over what it does everywhere,
+that is a gap alone: healthy rigs of four worlds and a used-up exam stay below 2.2 (24 records of axes)."""
 
 
 def jumps(located: Located) -> tuple[str | None, float]:
