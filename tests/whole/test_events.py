@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lfilter
 
 from hil.gap import diagnose
-from hil.gap.located.events import SWINGS, held_off, jumps
+from hil.gap.located.events import held_off, jumps
 from hil.gap.located.locate import locate
-from hil.gap.located.swinging import swings
 from hil.gap.record.problem import Problem
 from hil.gap.record.runs import as_runs
 from hil.identify.replay import stretches
@@ -125,31 +123,6 @@ def test_a_push_that_comes_by_the_clock_is_a_gap():
     found = diagnose(rig, AXIS)
     assert found.verdict == "unknown"
     assert "axis.force" in found.sentence
-
-
-def test_what_hangs_from_a_load_and_swings_is_a_gap_and_kicks_are_none():
-    """Driven by chance at 1.35 Hz, 3 % damped: in no one frequency. Kicks have all of them, now and then."""
-    rng = np.random.default_rng(8)
-    rig = record(duration_s=30.0)
-    answered = rig.index[rig["axis.force"].notna()]
-    t = rig.loc[answered, "t"].to_numpy()
-    w, damping = 2.0 * np.pi * 1.35, 0.03
-    pole = np.exp((-damping + 1j) * w * np.median(np.diff(t)))
-    swung = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], rng.standard_normal(len(t)))
-    kicked = rig.copy()
-    struck = rng.choice(answered[50:-50], 30, replace=False)
-    kicked.loc[struck, "axis.force"] += 15.0 * AXIS.noise.force * rng.choice([-1.0, 1.0], 30)
-    swinging = rig.copy()
-    swinging.loc[answered, "axis.force"] += 10.0 * AXIS.noise.force * swung / np.std(swung)
-    times = [swings(locate(x, AXIS), "axis.force")[0] for x in (rig, kicked)]
-    assert max(times) < 0.7 * SWINGS
-    found = diagnose(swinging, AXIS)
-    assert swings(found.located, "axis.force") == (
-        pytest.approx(9.0, abs=3.0),
-        pytest.approx(1.35, abs=0.3),
-    )
-    assert jumps(found.located)[1] > 1.0
-    assert found.verdict == "unknown"
 
 
 @pytest.mark.parametrize(("off_m", "is_event"), [(1.2e-5, False), (4e-5, True)])

@@ -27,9 +27,8 @@ from hil.gap.judged.clear import asked, clear, other_than_facts, signals
 from hil.gap.judged.constancy import Variation
 from hil.gap.judged.diagnosis import Cause, Diagnosis, Verdict
 from hil.gap.judged.doubt import HOLDS, STANDS, Told, by_share, doubt, explained_share, is_hidden
-from hil.gap.located.events import SWINGS, jumps
+from hil.gap.located.events import jumps
 from hil.gap.located.result import RATIO, Located, Place, SignalGap
-from hil.gap.located.swinging import swings
 from hil.gap.record.leaf import Leaf
 
 Array = NDArray[np.float64]
@@ -110,17 +109,10 @@ def _small(located: Located, held_out: str) -> Diagnosis:
     signal, times = jumps(located)
     if signal is None or times <= 1.0:
         return no_gap(located, held_out)
-    stands, hz = swings(located, signal)
-    what = (
-        f"for moments, or in one frequency, {signal} stands further from the twin than noise or a late frame "
-        "ever puts it"
+    sentence = (
+        f"A gap that nothing in the catalogue explains: for moments, or in one frequency, {signal} stands "
+        "further from the twin than noise or a late frame ever puts it."
     )
-    if stands > SWINGS:
-        what = (
-            f"{signal} swings beside the twin's all the time, most about {hz:.1f} Hz, where it stands "
-            f"{stands:.1f} times further above its floor than elsewhere"
-        )
-    sentence = f"A gap that nothing in the catalogue explains: {what}."
     return replace(no_gap(located, held_out), verdict="unknown", sentence=sentence, unknown=1.0)
 
 

@@ -13,7 +13,6 @@ from scipy.signal import lombscargle
 from hil.gap.catalogue.nuisances import WOBBLE_M
 from hil.gap.floor.noise import time_sensitivity
 from hil.gap.located.result import Located
-from hil.gap.located.swinging import swings
 from hil.gap.record.problem import Problem
 
 Array = NDArray[np.float64]
@@ -74,14 +73,9 @@ FINE: Final = 4.0
 """Frequencies for each that a record tells apart."""
 
 
-SWINGS: Final = 3.5
-"""Times the floor's, what a force's spectrum stands at somewhere all the time over what it does everywhere,
-that is a gap alone: healthy rigs of four worlds and a used-up exam stay below 2.2 (24 records of axes)."""
-
-
 def jumps(located: Located) -> tuple[str | None, float]:
     """The signal in which an event stands out most, in what is a gap alone: WILD, STRUCK, HELD,
-    STUCK, KNOCK, HUM, SWINGS.
+    STUCK, KNOCK, HUM.
 
     An encoder's answers do not jump by themselves, and nothing in the noise strikes an accelerometer. Forces
     are asked for single blows only: a frame that reaches its drive a tick late kicks harder than much of what
@@ -100,7 +94,6 @@ def jumps(located: Located) -> tuple[str | None, float]:
             held.get(signal, 0.0),
             knocks.get(signal, 0.0),
             _hum(located, signal) / HUM,
-            swings(located, signal)[0] / SWINGS,
         )
         if times > most:
             worst, most = signal, times
