@@ -28,5 +28,6 @@ def beside(
     for _ in range(TURNS):
         w = weight((rest - columns @ step) / spread)
         H = columns.T @ (w[:, None] * columns) + held
-        step = np.linalg.solve(H, columns.T @ (w * rest) - held @ here)
+        # a column that changes nothing takes no step
+        step = np.linalg.lstsq(H, columns.T @ (w * rest) - held @ here, rcond=None)[0]
     return float(np.sum(loss((rest - columns @ step) / spread))), step[:own]

@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 
 SHARE: Final = 0.4
 """Of its own size, by which an effect must grow to be none of the catalogue [set on rides of five worlds: of
-12 that were there none grows by more than 0.07, clocks that part where they may not be named by 0.8 to 1]."""
+ten that were there none grows by more than 0.07, four clocks that part, where they may not be named, by 0.8
+to 1]."""
 NATS: Final = 6.0
 
 

@@ -74,12 +74,12 @@ curves tells less of the lean that they need [set on used-up exams and rides of 
 these that were named were not there, most of them for such a thing; of eight scales of the steer above 1, six
 were tyres, of five in seven later worlds one; of four later worlds' forks 9 of 11 were there, of their tyres
 8 of 8]."""
+OF_SETS: Final = 0.3
+"""The same at most for sets, whose other effects would stand all the same."""
 DRIFT: Final = "clock_drift"
 """The one effect that grows with time itself."""
 GROWN: Final = 0.6
-"""Chance that an effect which grows along the rides is none of the catalogue, or may not be named."""
-OF_SETS: Final = 0.3
-"""The same at most for sets, whose other effects would stand all the same."""
+"""Chance that an effect which grows along the rides is none of the catalogue, or may not be named [R]."""
 SLIGHT: Final = 0.1
 """By how much more than for that alone a cause may be in doubt, for the sentence to speak of it."""
 HOLDS: Final = 0.05
@@ -114,7 +114,7 @@ def twins(c: Calibrated, none: Fit, best: Fit) -> list[tuple[float, str]]:
 
 
 def _growing(c: Calibrated, best: Fit) -> list[tuple[float, str]]:
-    """The same of effects that are exact but grow along the rides."""
+    """As `twins`, of effects that are exact but grow along the rides."""
     others = other_than_facts(best)
     exact = [x for x in others if x.effect in EXACT - {DRIFT}]
     if not exact or not grow(c, best, exact):
