@@ -92,6 +92,17 @@ def test_a_nuisance_that_stands_further_needs_little_evidence_unless_it_always_a
     assert found([weighed(33.0, "transport_delay")], 0.1) == [("transport_delay",)]
 
 
+def test_what_strains_nuisances_as_no_healthy_rig_does_pays_for_a_further_effect(found):
+    """A tilted rig beside a friction that is found: three nuisances stood at their bounds."""
+
+    def asked(strain: float):
+        rubs = weighed(100.0, "coulomb_friction", prior=strain)
+        return found([weighed(103.0, "coulomb_friction", "base_tilt"), rubs], 1.4, is_large=True)
+
+    assert asked(17.0)[0] == ("coulomb_friction", "base_tilt")
+    assert asked(12.0) == [("coulomb_friction",)]
+
+
 def test_what_answers_as_a_finding_does_is_one_as_well(found, monkeypatch):
     some = [weighed(52.0, "sensor_bias"), weighed(51.0, "sensor_scale")]
     monkeypatch.setattr(module, "distance", lambda c, a, b: 1.0)

@@ -25,16 +25,16 @@ from hil.gap.bicycle.verdict import (
     by_energy,
     is_usual,
     standing,
+    told_by,
     twins,
     unsaid,
     with_road,
-    with_wheel,
 )
+from hil.gap.bicycle.warming import Warm, warms_up
 from hil.gap.bicycle.wheels import Wheels
 from hil.gap.catalogue.nature import RIDER
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.diagnose import as_found
-from hil.gap.fits.evidence import MORE
 from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.facts import left_by, rounded
 from hil.gap.fits.fitted import Fit
@@ -42,7 +42,7 @@ from hil.gap.fits.heldout import Score, score, split, touched
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.noise import NoiseModel
 from hil.gap.judged.diagnosis import Cause, Diagnosis
-from hil.gap.judged.verdict import answer, attributed, no_gap, stands
+from hil.gap.judged.verdict import answer, attributed, no_gap, or_several, stands
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.record.problem import Mask
@@ -122,7 +122,7 @@ def _diagnosed(
     nuisances: list[Nuisance] | None = None
     wheels: Wheels | None = None
     older: Finding | None = None
-    is_old_wheel = False
+    is_old_wheel, is_old_warmth = False, False
     if healthy:
         say("calibrating on the healthy references")
         known = _as_ridden(healthy, rig, seed)
@@ -135,6 +135,7 @@ def _diagnosed(
                 known = _as_ridden(healthy, rig, seed)
         wheels = _rides(known).wheels
         is_old_wheel = once_a_turn(_rides(known).rides) is not None
+        is_old_warmth = warms_up(known, known.evidence.residual) is not None
         nuisances = as_found(known, ride_nuisances(rig, _rides(known)))
     q = _Question(loaded, rig, nuisances, without, seed, say)
 
@@ -148,14 +149,17 @@ def _diagnosed(
 
     say("locating the gap")
     found, findings = on(0.0, wheels)
-    if found.verdict == "unknown":
+    warm = None if is_old_warmth else warms_up(found.located, _left(found))
+    if warm is not None and _is_alone(found, warm):
+        found = told_by(found, warm.text)
+    if found.verdict == "unknown" and warm is None:
         say("once more with sensors whose noise wanders")
         calmer, told = on(SLOW, _rides(found.located).wheels)
         if calmer.verdict != "unknown" and not _still_follows(calmer, found.located.evidence.noise):
             found, findings = calmer, (*told, WANDERING)
     beats = once_a_turn(_rides(found.located).rides)
-    if beats is not None and not is_old_wheel:
-        found = with_wheel(found, beats)
+    if beats is not None and not is_old_wheel and found.verdict == "no_gap":
+        found = told_by(found, beats)
     if older is not None:
         findings = (older, *findings)
     located = replace(found.located, findings=(*found.located.findings, *findings))
@@ -174,6 +178,19 @@ def _rides(located: Located) -> RideProblem:
     problem = located.evidence.problem
     assert isinstance(problem, RideProblem)
     return problem
+
+
+def _left(found: Diagnosis) -> Array:
+    """(N,) what the rides leave beside the effects that were found, or the nuisances alone."""
+    e = found.located.evidence
+    if not found.effects or found.best is None:
+        return e.residual
+    return e.problem.residual(found.best.vector)
+
+
+def _is_alone(found: Diagnosis, warm: Warm) -> bool:
+    """Whether nothing is named beside a zero that goes one way but a bias that stands for it."""
+    return {(x.effect, x.location) for x in found.effects} <= {("sensor_bias", warm.signal)}
 
 
 def _road(located: Located, best: Fit | None) -> list[Array]:
@@ -316,14 +333,7 @@ def _weighed(
         fits = stepped(grown(sets[1:], is_missing=True))
         further = answered(fits[1:])
         found = further if len(further.effects) > len(found.effects) else found
-    if found.best is None or found.verdict != "unknown":
-        return found
-    # Something unknown beside an effect is no more likely than another effect: that costs no more then.
-    larger = [f for f in fits if len(f.leaves) > len(found.best.leaves)]
-    several = answered(larger) if larger else found
-    if several.effects and several.effects[0].gain + MORE > found.causes[0].gain:
-        return several
-    return found
+    return or_several(found, fits[1:], answered)
 
 
 def _on_floor(found: Diagnosis, held: Mask, seed: int) -> Diagnosis:

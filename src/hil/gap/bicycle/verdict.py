@@ -152,12 +152,16 @@ def unsaid(found: Diagnosis) -> Diagnosis:
     return replace(found, verdict="unknown", sentence=sentence, unknown=1.0)
 
 
-def with_wheel(found: Diagnosis, beats: str) -> Diagnosis:
-    """`found`, unknown where it is no gap: what `beats` once a turn of a wheel is in no model."""
-    if found.verdict != "no_gap":
-        return found
-    sentence = f"A gap that nothing in the catalogue explains: {beats}."
-    return replace(found, verdict="unknown", sentence=sentence, unknown=1.0)
+def told_by(found: Diagnosis, other: str) -> Diagnosis:
+    """`found` as unknown, because of some `other` thing that is in no model."""
+    if found.verdict == "unknown":
+        return replace(found, sentence=f"{found.sentence} Besides, {other}.")
+    causes = tuple(replace(x, probability=OTHERWISE * x.probability) for x in found.causes)
+    unknown = 1.0 - sum(x.probability for x in causes)
+    sentence = f"A gap that nothing in the catalogue explains: {other}."
+    return replace(
+        found, verdict="unknown", sentence=sentence, causes=causes, effects=(), unknown=unknown
+    )
 
 
 def is_usual(found: Diagnosis, rig: BicycleFile) -> bool:

@@ -123,6 +123,8 @@ def default_nuisances(
     if any(s.startswith("imu.") for s in known):
         for c in "xyz":
             free(f"imu.sensor_misalignment.{c}", MISALIGNMENT_RAD)
+    if rig.imu is not None and any(s.startswith("imu.") for s in known):
+        free("imu.sensor_latency.delay", rig.imu.group_delay_s / LIMIT)
     return tuple(n for n in out if n.sd > 0.0)
 
 

@@ -9,7 +9,7 @@ from functools import cache, partial
 from typing import Final
 
 from hil.gap.catalogue.nature import ALWAYS
-from hil.gap.fits.evidence import SAME, Weighed, distance
+from hil.gap.fits.evidence import MORE, SAME, Weighed, distance
 from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.facts import is_fact
 from hil.gap.fits.fitted import Calibrated, Fit
@@ -110,6 +110,8 @@ def clear(
         gain, trace = w.log_evidence - log, _trace(c, f, w.fit)
         saved = f.prior_cost - w.fit.prior_cost
         share = partial(explained, c, f, w.fit)
+        if base and saved > asked(c).saved:  # what strains nuisances so is there, known or not
+            gain += MORE * len(leaves)
         if gain > _asked_further(asked(c), leaves) and is_further(c, f, w.fit, leaves):
             return True
         return not leaves or _isclear(asked(c), gain, trace, saved, leaves, share)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -15,7 +15,7 @@ from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nature import EVENTS, MOMENTS
 from hil.gap.catalogue.nuisances import CRYSTALS, LOOPS, WOBBLE_M
 from hil.gap.catalogue.sprung import SOFTEST_HZ, stiffness_at
-from hil.gap.fits.evidence import Weighed, weigh
+from hil.gap.fits.evidence import MORE, Weighed, weigh
 from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.frames import ANSWERS
@@ -197,6 +197,22 @@ def answer(
         located, verdict, sentence, causes, chosen if verdict != "unknown" else (), unknown,
         part, whole, held_out, not_excited(c, bank, first), first, none, c,
     )  # fmt: skip
+
+
+def or_several(
+    found: Diagnosis, fits: Sequence[Fit], answered: Callable[[Sequence[Fit]], Diagnosis]
+) -> Diagnosis:
+    """`found`, or what is `answered` of those of `fits` with more effects, where `found` is unknown.
+
+    Something unknown beside an effect is no more likely than another effect: where what is best leaves too
+    much, further effects need not earn what several cost.
+    """
+    if found.verdict != "unknown" or found.best is None or not found.causes:
+        return found
+    larger = [f for f in fits if len(f.leaves) > len(found.best.leaves)]
+    several = answered(larger) if larger else found
+    is_better = several.effects and several.effects[0].gain + MORE > found.causes[0].gain
+    return several if is_better else found
 
 
 def stands(located: Located, c: Calibrated, none: Fit) -> bool:

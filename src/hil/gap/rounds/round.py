@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,7 +19,7 @@ from hil.gap.fits.shares import RARE, explained, most_left
 from hil.gap.fits.training import begin, candidates_of
 from hil.gap.floor.rounding import coarse_steps
 from hil.gap.judged.diagnosis import Diagnosis
-from hil.gap.judged.verdict import answer, stands
+from hil.gap.judged.verdict import answer, or_several, stands
 from hil.gap.located.habit import Habit
 from hil.gap.located.result import Located
 from hil.gap.record.missing import Missing
@@ -63,10 +64,15 @@ class Considered:
 
     def answer(self, seed: int = 0) -> Diagnosis:
         """The verdict on it."""
-        return answer(
-            self.located, self.calibrated, missed(self.fits, self.missing), self.bank, self.held,
-            self.parts.text, seed, self.is_large,
-        )  # fmt: skip
+        none, *fits = missed(self.fits, self.missing)
+
+        def answered(some: Sequence[Fit]) -> Diagnosis:
+            return answer(
+                self.located, self.calibrated, [none, *some], self.bank, self.held,
+                self.parts.text, seed, self.is_large,
+            )  # fmt: skip
+
+        return or_several(answered(fits), fits, answered)
 
     def gain(self) -> float:
         """Nats of the likeliest fit over that without effects."""
