@@ -77,7 +77,8 @@ class Nuisance:
 def default_nuisances(
     rig: RigFile, signals: Iterable[str], *, are_forces: bool = False
 ) -> tuple[Nuisance, ...]:
-    """Mass, its place, a pendulum's inertia, viscous friction, delays, level, offsets of all sensors.
+    """Mass, its place, a pendulum's inertia, viscous friction, delays, level, offsets of all sensors; and of
+    an IMU the delay of its filter, which its stamps may hold or not, and which never changes.
 
     Only those that the recorded `signals` can feel are given. `are_forces`: setpoints are; a drive's own loop
     hides the slope of an axis but for the force that it reads, which has an offset anyway.
@@ -124,7 +125,7 @@ def default_nuisances(
         for c in "xyz":
             free(f"imu.sensor_misalignment.{c}", MISALIGNMENT_RAD)
     if rig.imu is not None and any(s.startswith("imu.") for s in known):
-        free("imu.sensor_latency.delay", rig.imu.group_delay_s / LIMIT)
+        free("imu.sensor_latency.delay", rig.imu.group_delay_s / LIMIT, drift=0.0)
     return tuple(n for n in out if n.sd > 0.0)
 
 
