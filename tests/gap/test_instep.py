@@ -1,11 +1,14 @@
-"""Forces that come late, whole rigs' or an IMU's: late kicks are no noise, and a filter's delay is no gap."""
+"""Forces and IMUs that come late: late kicks are no noise, a filter's delay is no gap, refits look about."""
 
 import numpy as np
 import pytest
 
 from hil.gap.catalogue.nuisances import LIMIT, default_nuisances
 from hil.gap.floor.instep import in_step
+from hil.gap.floor.noise import find_noise
 from hil.gap.located.locate import locate
+from hil.gap.located.phase import begun, settled
+from hil.gap.located.residual import cost, refit
 from tests.gap.twin_runs import AXIS, effect, record
 
 LATE_S = 0.0035
@@ -51,3 +54,23 @@ def test_an_imu_may_be_late_by_its_filter_and_no_more():
     assert twice.sd == pytest.approx(2.0 * late.sd)
     without = default_nuisances(AXIS, ["axis.force"])
     assert all(n.name != late.name for n in without)
+
+
+@pytest.mark.parametrize(
+    ("late_s", "asked_s", "less"), [(4.5e-4, 0.0015, 10.0), (3e-4, 0.0012, 0.0)]
+)
+def test_a_refit_that_stops_between_two_places_in_the_tick_is_made_from_another(
+    late_s, asked_s, less
+):
+    late = effect("sensor_latency", "axis.force", delay=late_s)
+    frame = record(late, duration_s=10.0, asked_s=asked_s, jitter_s=4e-4)
+    problem = locate(frame, AXIS).evidence.problem
+    noise = find_noise(problem, problem.base, np.random.default_rng(0), count=2)
+    asked = default_nuisances(AXIS, problem.signals)
+
+    def nats(found):
+        z = [(f.change - n.mean) / n.sd for f, n in zip(found.fitted, asked, strict=True)]
+        return cost(noise.whiten(problem, found.residual), np.array(z), problem.discount)
+
+    first = nats(refit(problem, noise, asked, begun(problem, noise, asked)))
+    assert nats(settled(problem, noise, asked)) <= first - less

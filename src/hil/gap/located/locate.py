@@ -19,8 +19,8 @@ from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
 from hil.gap.floor.instep import in_step
 from hil.gap.floor.noise import NoiseModel, find_noise, projected, rougher
 from hil.gap.located.cells import Cells, count_cells
-from hil.gap.located.phase import begun
-from hil.gap.located.residual import Refit, refit
+from hil.gap.located.phase import settled
+from hil.gap.located.residual import Refit
 from hil.gap.located.result import RATIO, Evidence, Located, Place, SignalGap, interval, unit_of
 from hil.gap.located.sanity import Finding, check_answers, check_runs, fewer, refuse
 from hil.gap.record.arrivals import find_clocks
@@ -82,7 +82,7 @@ def locate(
     problem = smooth.with_clocks(find_clocks(smooth) if clocks is None else clocks)
     chosen = nuisances or default_nuisances(rig, problem.signals, are_forces=problem.are_forces)
     guess = find_noise(problem, problem.base, rng, count=2)
-    best = refit(problem, guess, chosen, begun(problem, guess, chosen))
+    best = settled(problem, guess, chosen)
     found = find_noise(
         problem, best.vector, rng, repeats=find_repeats(problem),
         residual=in_step(problem, best.vector, best.residual),
