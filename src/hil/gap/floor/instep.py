@@ -26,7 +26,7 @@ MUCH: Final = 0.5
 
 def in_step(problem: Problem, vector: Array, residual: Array) -> Array:
     """The `residual` (N,) that the twin of `vector` (P,) leaves, of each actuator's forces answered as late
-    as leaves much less of a fine structure, if any does."""
+    as leaves much less of a fine structure and less in all, if any does."""
     if not any(x.quantity in FORCES for x in problem.series):
         return residual
     out, answers = residual.copy(), problem.forces_late(vector, LATE_S)
@@ -34,9 +34,12 @@ def in_step(problem: Problem, vector: Array, residual: Array) -> Array:
     for actuator in problem.rig.actuator_names:
         sizes = [np.mean([fineness(problem, k, actuator, y) for k in stretches]) for y in answers]
         best = int(np.argmin(sizes))
-        if sizes[best] > sizes[0] - MUCH:
-            continue
+        own = np.zeros(problem.size, dtype=bool)
         for x in problem.series:
-            if x.quantity in FORCES and x.actuator == actuator:
-                out[x.part] = problem.measured[x.part] - answers[best, x.part]
+            own[x.part] |= x.quantity in FORCES and x.actuator == actuator
+        left, kept = problem.measured - answers[best], own & problem.kept
+        # what is calmer and stands further off is no force that is late
+        is_less = np.sum(left[kept] ** 2) < np.sum(residual[kept] ** 2)
+        if is_less and sizes[best] < sizes[0] - MUCH:
+            out[own] = left[own]
     return out
