@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from hil.gap.catalogue.nuisances import LIMIT, default_nuisances
-from hil.gap.floor.instep import in_step
+from hil.gap.floor.lateness import without_lateness
 from hil.gap.floor.noise import find_noise
 from hil.gap.located.locate import locate
 from hil.gap.located.phase import begun, settled
-from hil.gap.located.residual import cost, refit
+from hil.gap.located.residual import refit, total
 from tests.gap.twin_runs import AXIS, effect, record
 
 LATE_S = 0.0035
@@ -20,23 +20,20 @@ def test_the_floor_of_a_force_that_is_late_is_that_of_its_sensor():
         for some in ((), (effect("sensor_latency", "axis.force", delay=LATE_S),))
     )
     floor, other = (x.evidence.noise.floor(x.evidence.problem) for x in (plain, late))
-    assert (
-        other["axis.force"] < 1.6 * floor["axis.force"]
-    )  # 3.3 times as high with late kicks in it
+    # with late kicks in it 3.3 times as high
+    assert other["axis.force"] < 1.6 * floor["axis.force"]
     assert not plain.is_gap
     assert late.is_gap
 
 
 def test_a_force_is_set_in_step_only_where_that_takes_much_off():
     plain = locate(record(duration_s=10.0), AXIS).evidence
-    assert in_step(plain.problem, plain.vector, plain.residual) is not plain.residual
-    np.testing.assert_array_equal(
-        in_step(plain.problem, plain.vector, plain.residual), plain.residual
-    )
+    same = without_lateness(plain.problem, plain.vector, plain.residual)
+    np.testing.assert_array_equal(same, plain.residual)
     late = locate(
         record(effect("sensor_latency", "axis.force", delay=LATE_S), duration_s=10.0), AXIS
     ).evidence
-    left = in_step(late.problem, late.vector, late.residual)
+    left = without_lateness(late.problem, late.vector, late.residual)
     for x in late.problem.series:
         is_same = np.array_equal(left[x.part], late.residual[x.part])
         assert is_same == (x.quantity != "force")
@@ -68,9 +65,6 @@ def test_a_refit_that_stops_between_two_places_in_the_tick_is_made_from_another(
     noise = find_noise(problem, problem.base, np.random.default_rng(0), count=2)
     asked = default_nuisances(AXIS, problem.signals)
 
-    def nats(found):
-        z = [(f.change - n.mean) / n.sd for f, n in zip(found.fitted, asked, strict=True)]
-        return cost(noise.whiten(problem, found.residual), np.array(z), problem.discount)
-
-    first = nats(refit(problem, noise, asked, begun(problem, noise, asked)))
-    assert nats(settled(problem, noise, asked)) <= first - less
+    first = refit(problem, noise, asked, begun(problem, noise, asked))
+    least = total(problem, noise, asked, settled(problem, noise, asked))
+    assert least <= total(problem, noise, asked, first) - less

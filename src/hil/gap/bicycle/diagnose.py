@@ -149,7 +149,8 @@ def _diagnosed(
 
     say("locating the gap")
     found, findings = on(0.0, wheels)
-    warm = None if is_old_warmth else warms_up(found.located, _left(found))
+    left = _rides(found.located).residual(_vector(found))
+    warm = None if is_old_warmth else warms_up(found.located, left)
     if warm is not None and _is_alone(found, warm):
         found = told_by(found, warm.text)
     if found.verdict == "unknown" and warm is None:
@@ -180,12 +181,11 @@ def _rides(located: Located) -> RideProblem:
     return problem
 
 
-def _left(found: Diagnosis) -> Array:
-    """(N,) what the rides leave beside the effects that were found, or the nuisances alone."""
-    e = found.located.evidence
-    if not found.effects or found.best is None:
-        return e.residual
-    return e.problem.residual(found.best.vector)
+def _vector(found: Diagnosis) -> Array:
+    """(P,) the twin with the effects that were found, or with the nuisances alone."""
+    if found.effects and found.best is not None:
+        return found.best.vector
+    return found.located.evidence.vector
 
 
 def _is_alone(found: Diagnosis, warm: Warm) -> bool:
@@ -205,9 +205,7 @@ def _road(located: Located, best: Fit | None) -> list[Array]:
 def _still_follows(found: Diagnosis, noise: NoiseModel) -> bool:
     """Whether what a diagnosis leaves follows from how it was ridden, in floors of `noise`."""
     problem = _rides(found.located)
-    vector = found.located.evidence.vector
-    if found.effects and found.best is not None:
-        vector = found.best.vector
+    vector = _vector(found)
     return follows(problem, noise, vector, problem.residual(vector)) is not None
 
 

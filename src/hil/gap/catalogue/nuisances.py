@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from hil.config import AxisGeometry, RigFile
+from hil.gap.record.problem import FORCES, LATENCY
 from hil.sim.parameters import ParameterTable
 
 LIMIT: Final = 3.0
@@ -73,6 +74,12 @@ class Nuisance:
     drift: float = DRIFT
     """Of `sd`: how far a run may stand from a reference."""
 
+    @property
+    def delays_a_force(self) -> bool:
+        """Whether it is by how much an actuator's force or current is answered later."""
+        signal = self.name.removesuffix(LATENCY)
+        return signal != self.name and signal.endswith(FORCES)
+
 
 def default_nuisances(
     rig: RigFile, signals: Iterable[str], *, are_forces: bool = False
@@ -121,10 +128,9 @@ def default_nuisances(
     for signal in sorted(s for s in known if s.startswith("imu.")):
         noise = rig.noise.gyro if signal.startswith("imu.gyro") else rig.noise.accel
         free(f"{signal}.sensor_bias.offset", IMU_BIAS * noise, SWITCHED_ON)
-    if any(s.startswith("imu.") for s in known):
+    if rig.imu is not None and any(s.startswith("imu.") for s in known):
         for c in "xyz":
             free(f"imu.sensor_misalignment.{c}", MISALIGNMENT_RAD)
-    if rig.imu is not None and any(s.startswith("imu.") for s in known):
         free("imu.sensor_latency.delay", rig.imu.group_delay_s / LIMIT, drift=0.0)
     return tuple(n for n in out if n.sd > 0.0)
 

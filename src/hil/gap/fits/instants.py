@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hil.gap.fits.fitted import Calibrated, loss
 from hil.gap.located.residual import reach
-from hil.gap.record.problem import FORCES, LATENCY
+from hil.gap.record.problem import LATENCY
 
 Array = NDArray[np.float64]
 
@@ -29,12 +29,7 @@ def read_elsewhere(
     """`vector` (P,) and the nuisances `held` (K,), which stand at `z` (K,), with each force's latency where
     it leaves least, by the robust loss as wide as `spread`."""
     new_vector, new_z = np.array(vector), np.array(z)
-    late = [
-        (row, c.nuisances[k])
-        for row, k in enumerate(held)
-        if c.nuisances[k].name.endswith(LATENCY)
-        and c.nuisances[k].name.removesuffix(LATENCY).endswith(FORCES)
-    ]
+    late = [(row, c.nuisances[k]) for row, k in enumerate(held) if c.nuisances[k].delays_a_force]
     if not late:
         return new_vector, new_z
     sd = late[0][1].sd

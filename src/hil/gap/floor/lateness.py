@@ -24,7 +24,7 @@ MUCH: Final = 0.5
 3.5 ms late has 0.66 and 1.07, the healthy ones 0.3 at most, where no ticks are found]."""
 
 
-def in_step(problem: Problem, vector: Array, residual: Array) -> Array:
+def without_lateness(problem: Problem, vector: Array, residual: Array) -> Array:
     """The `residual` (N,) that the twin of `vector` (P,) leaves, of each actuator's forces answered as late
     as leaves much less of a fine structure and less in all, if any does."""
     if not any(x.quantity in FORCES for x in problem.series):

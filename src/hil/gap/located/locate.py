@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hil.config import RigFile
 from hil.gap.catalogue.nuisances import Nuisance, default_nuisances
-from hil.gap.floor.instep import in_step
+from hil.gap.floor.lateness import without_lateness
 from hil.gap.floor.noise import NoiseModel, find_noise, projected, rougher
 from hil.gap.located.cells import Cells, count_cells
 from hil.gap.located.phase import settled
@@ -85,7 +85,7 @@ def locate(
     best = settled(problem, guess, chosen)
     found = find_noise(
         problem, best.vector, rng, repeats=find_repeats(problem),
-        residual=in_step(problem, best.vector, best.residual),
+        residual=without_lateness(problem, best.vector, best.residual),
         healthy=None if healthy is None else healthy.evidence.noise.levels,
     )  # fmt: skip
     found = projected(found, problem, best.jacobian, best.prior_sd)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hil.gap.catalogue.nuisances import LIMIT, Nuisance
 from hil.gap.floor.noise import NoiseModel
-from hil.gap.located.residual import Refit, cost, expected, refit
+from hil.gap.located.residual import Refit, cost, expected, refit, total
 from hil.gap.record.problem import FORCES, LATENCY, Problem
 
 Array = NDArray[np.float64]
@@ -29,29 +29,25 @@ explains it all or is not it."""
 DELAY: Final = ".transport_delay.delay"
 PLACES: Final = (0.0, -0.5, -0.375, -0.25, -0.125, 0.125, 0.25, 0.375, 0.5)
 """Ticks from the middle of one at which loops in step with SYNC are tried."""
-
-
 EARLY_LATE: Final = (-0.3, 0.3)
 """Ticks by which forces are read otherwise than a refit left them, and it is made once more."""
 BETTER: Final = 1.0
 """Nats by which it must then leave less [on healthy axes of two worlds of others it leaves 10 to 81 less]."""
-
-
 CALMER: Final = 0.92
 """Of what forces leave, what may be left then: what a gap pulls at takes little off, another place in the
-tick takes 10 to 50 of 100 [the same axes; 3 at most of those with a gap]."""
+tick takes 10 to 50 of 100 [the same axes; 3 where forces stand six floors off]."""
 
 
 def settled(problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance]) -> Refit:
     """The refit that leaves least: from where nuisances are thought to be, and from there once more with all
     forces read earlier and later, for over a tick no slope leads from one place to the next."""
     best = refit(problem, noise, nuisances, begun(problem, noise, nuisances))
-    index = [problem.table.index(n.name) for n in nuisances if _is_late_force(n)]
-    for ticks in EARLY_LATE if index and problem.rig.bus.position_loop > 0.0 else ():
+    index = [problem.table.index(n.name) for n in nuisances if n.delays_a_force]
+    for ticks in EARLY_LATE if index else ():
         start = np.array(best.vector)
         start[index] += ticks * problem.rig.bus.position_loop
         other = refit(problem, noise, nuisances, start, best.jacobian)
-        left, least = (_left(problem, noise, nuisances, x) for x in (other, best))
+        left, least = (total(problem, noise, nuisances, x) for x in (other, best))
         forces, most = (_size_of_forces(problem, noise, x) for x in (other, best))
         if left < least - BETTER and forces < CALMER * most:
             best = other
@@ -59,24 +55,12 @@ def settled(problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance]) 
 
 
 def _size_of_forces(problem: Problem, noise: NoiseModel, found: Refit) -> float:
-    """Mean size of what a refit leaves of forces, whitened."""
+    """Mean size of what a refit leaves of forces, whitened; 0 where none is judged."""
     white, mine = noise.whiten(problem, found.residual), np.zeros(problem.size, dtype=bool)
     for x in problem.series:
         mine[x.part] |= x.quantity in FORCES
-    return float(np.mean(np.abs(white[mine & problem.kept])))
-
-
-def _is_late_force(n: Nuisance) -> bool:
-    return n.name.endswith(LATENCY) and n.name.removesuffix(LATENCY).endswith(FORCES)
-
-
-def _left(
-    problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance], found: Refit
-) -> float:
-    """Nats of what a refit leaves and its nuisances cost."""
-    moved = zip(found.fitted, nuisances, strict=True)
-    z = np.array([(f.change - n.mean) / n.sd for f, n in moved])
-    return cost(noise.whiten(problem, found.residual), z, problem.discount)
+    judged = white[mine & problem.kept]
+    return float(np.mean(np.abs(judged))) if len(judged) else 0.0
 
 
 def begun(problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance]) -> Array:
@@ -87,7 +71,7 @@ def begun(problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance]) ->
     late = [
         (n.name.removesuffix(LATENCY), problem.table.index(n.name))
         for n in nuisances
-        if _is_late_force(n) and half_s <= LIMIT * n.sd
+        if n.delays_a_force and half_s <= LIMIT * n.sd
     ]
     if not late:
         return vector

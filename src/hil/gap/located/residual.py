@@ -121,6 +121,15 @@ def refit(
     return Refit(vector, residual, J, fitted)
 
 
+def total(
+    problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance], found: Refit
+) -> float:
+    """Nats of what a refit of `nuisances` leaves and of what their priors cost."""
+    moved = zip(found.fitted, nuisances, strict=True)
+    z = np.array([(f.change - n.mean) / n.sd for f, n in moved])
+    return cost(noise.whiten(problem, found.residual), z, problem.discount)
+
+
 def reach(problem: Problem, nuisances: Sequence[Nuisance]) -> tuple[Array, Array]:
     """(K,) how far nuisances may go, in their deviations from where they are thought to be: LIMIT, or where
     the parameter itself ends."""
