@@ -8,6 +8,7 @@ the twin really answers, not what a linear picture of it promises.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.optimize import lsq_linear
 from hil.gap.catalogue.bank import ABSOLUTE, shifted
 from hil.gap.fits.about import TURNS, about, is_swinging
 from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of, weight
-from hil.gap.fits.instants import read_elsewhere
+from hil.gap.located.instants import read_elsewhere
 from hil.gap.located.residual import nuisance_sensitivities, reach
 from hil.gap.record.leaf import Leaf
 from hil.gap.record.problem import LATENCY
@@ -137,7 +138,10 @@ def fit(
             # settled, or corrected sensitivities have not helped either
             if not is_elsewhere_tried:
                 is_elsewhere_tried = True
-                trial, moved = read_elsewhere(c, held, vector, z, spread)
+                trial, moved = read_elsewhere(
+                    problem, c.noise, [c.nuisances[k] for k in held], vector, z,
+                    partial(_nats, c, spread),
+                )  # fmt: skip
                 answer_new = problem.answers(trial)[0]
                 white_new = c.noise.whiten(problem, problem.measured - answer_new)
                 if _total(c, white_new, moved, spread) < _total(c, white, z, spread) - enough:
@@ -283,6 +287,12 @@ def _difference(p: Parameter, x: float) -> float:
 def _total(c: Calibrated, white: Array, z: Array, spread: float) -> float:
     held = 0.5 * c.problem.discount * z @ z
     return float(spread**2 * np.sum(loss(white[c.train] / spread)) + held)
+
+
+def _nats(c: Calibrated, spread: float, white: Array, mine: NDArray[np.bool_]) -> float:
+    """Of whitened residuals (N,) where the mask (N,) says so and fits look."""
+    left = spread**2 * np.sum(loss(white[mine & c.train] / spread))
+    return float(left / c.problem.discount)
 
 
 def _at(

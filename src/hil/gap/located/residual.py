@@ -23,7 +23,7 @@ from hil.gap.record.problem import LATENCY, Problem
 Array = NDArray[np.float64]
 
 HUBER: Final = 2.5
-ROUNDS: Final = 3
+ROUNDS: Final = 6
 WEIGHT_ROUNDS: Final = 4
 """Reweightings of one linear step."""
 SETTLED: Final = 0.05
@@ -125,9 +125,14 @@ def total(
     problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance], found: Refit
 ) -> float:
     """Nats of what a refit of `nuisances` leaves and of what their priors cost."""
-    moved = zip(found.fitted, nuisances, strict=True)
-    z = np.array([(f.change - n.mean) / n.sd for f, n in moved])
+    z = deviations(found, nuisances)
     return cost(noise.whiten(problem, found.residual), z, problem.discount)
+
+
+def deviations(found: Refit, nuisances: Sequence[Nuisance]) -> Array:
+    """(K,) of a refit of `nuisances` from where they were thought to be, in spreads of their priors."""
+    moved = zip(found.fitted, nuisances, strict=True)
+    return np.array([(f.change - n.mean) / n.sd for f, n in moved])
 
 
 def reach(problem: Problem, nuisances: Sequence[Nuisance]) -> tuple[Array, Array]:
