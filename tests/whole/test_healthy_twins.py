@@ -9,7 +9,7 @@ from hil.config import LegMass
 from hil.configfile import load_rig
 from hil.exam.world import Scatter, build_world, play
 from hil.gap.diagnose import diagnose
-from hil.gap.located.habit import share_of
+from hil.gap.located.habit import is_finer, share_of
 from hil.gap.located.habits import (
     BENDS,
     BENDS_M,
@@ -25,6 +25,7 @@ from hil.gap.located.habits import (
 )
 from hil.gap.located.locate import locate
 from hil.gap.record.runs import as_runs
+from hil.gap.rounds.twins import shown
 from tests.exam.worlds import sway
 from tests.gap.test_habits import SWINGING
 from tests.gap.twin_runs import AXIS, effect, record
@@ -100,6 +101,18 @@ def test_a_rest_of_the_references_is_one_of_the_run():
     assert is_told(answer)
     assert answer.located.evidence.problem.rig.bus.interpolation == "linear_rests"
     assert named(answer) == [("coulomb_friction", "axis")]
+
+
+@pytest.mark.parametrize("rests", [True, False])
+def test_drives_that_rest_show_in_the_fine_structure_of_force(rests):
+    """Where setpoints jitter their kicks fall nowhere on those of a twin that does not, gap or none."""
+    rig = RESTS.twin(AXIS, 1.0) if rests else AXIS
+    drag = effect("viscous_friction", coefficient=300.0)
+    run = record(drag, rig=rig, jitter_s=9e-4)
+    without = locate(run, AXIS)
+    _, habits = shown(lambda twin: locate(run, twin), without, [RESTS])
+    assert [h for h, _ in habits] == ([RESTS] if rests else [])
+    assert is_finer(locate(run, RESTS.twin(AXIS, 1.0)), without) is rests
 
 
 def test_drives_that_are_a_tick_early_are_seen_and_what_is_beside_it_is_named():

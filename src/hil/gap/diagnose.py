@@ -18,8 +18,7 @@ from hil.config import RigFile
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.judged.diagnosis import Diagnosis
-from hil.gap.located.habit import leaves_less, share_of
-from hil.gap.located.habits import DRAWS, LEADS
+from hil.gap.located.habits import DRAWS, LINES
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import check_runs
@@ -33,6 +32,7 @@ from hil.gap.rounds.twins import (
     Habits,
     as_usual,
     on_springs,
+    shown,
     with_guides,
     with_habits,
     with_ticks,
@@ -93,11 +93,9 @@ def consider(
     if healthy:
         q.say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
-        if share_of(LEADS, found) > 0.0:
-            early = locate(healthy, LEADS.twin(rig, 1.0), seed=seed)
-            if leaves_less(early, found):
-                habits.append((LEADS, 1.0))
-                rig, found = early.evidence.problem.rig, early
+        found, lines = shown(lambda twin: locate(healthy, twin, seed=seed), found, LINES)
+        habits += lines
+        rig = found.evidence.problem.rig
         if found.is_gap:
             q.say("the references differ from the twin themselves: what explains that comes first")
             first = consider(healthy, rig, without=without, seed=seed, report=report, seen=found)

@@ -31,6 +31,8 @@ FINER: Final = 0.3
 """Of a step, up to which another grid is a finer one."""
 TOO_FINE: Final = 2.0
 """Times a finer grid's step, up to which two ways differ by that alone."""
+SURE: Final = 4.0
+"""Spreads of its noise that a value may be off what the twin says."""
 RETURNS: Final = 6
 """Changes between two levels from which on they are steps: a sensor that dies changes once."""
 
@@ -46,7 +48,10 @@ def coarse_steps(problem: Problem, residual: Array) -> dict[str, float]:
         values = problem.measured[mine]
         quantity = signal.partition(".")[2].partition("_")[0]
         spread, own = sensor_noise(problem.rig, quantity)
-        step = step_of(values, own)
+        if np.ptp(values) == 0.0:
+            step = step_around(float(values[0]), residual[mine], spread)
+        else:
+            step = step_of(values, own)
         if step is None or not is_coarse(step, spread, own):
             kept = mine[problem.kept[mine]]
             finest = max(COARSER * own, BLURRED * spread)
@@ -54,6 +59,14 @@ def coarse_steps(problem: Problem, residual: Array) -> dict[str, float]:
         if step is not None and is_coarse(step, spread, own):
             out[signal] = step
     return out
+
+
+def step_around(value: float, off: Array, spread: float) -> float | None:
+    """The finest step of a grid through zero by which a signal that is `off` (N,) what the twin says and has
+    noise of this `spread` always answers `value`; None where there is none, and the signal is stuck."""
+    reach = float(np.max(np.abs(off))) + SURE * spread
+    count = int(abs(value) / (2.0 * reach))
+    return abs(value) / count if count else None
 
 
 def is_coarse(step: float, spread: float, own: float) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from statistics import fmean
 from typing import Any, Final
 
 import numpy as np
@@ -19,10 +20,13 @@ from hil.config import LegMass, RigFile
 from hil.gap.located.residual import cost, counted
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
+from hil.gap.record.fineness import fineness
 from hil.gap.record.problem import Problem
 
 Array = NDArray[np.float64]
 
+FINER: Final = 0.3
+"""Log of the fine structure that another twin must take off all forces on average, to be theirs."""
 LESS: Final = 6.0
 """Nats by which references must be explained better with a habit, to have it."""
 HELD: Final = 0.1
@@ -60,7 +64,13 @@ class Habit:
     is_unlike: bool = False
     """Whether no effect does the like: where a twin with it leaves no gap, none is weighed against it."""
     is_plain: bool = False
-    """Whether hardly anything else does the like, so that a twin has it wherever that leaves less."""
+    """Whether hardly anything else does the like, so that a twin has it wherever that shows."""
+    shows: Callable[[Located, Located], bool] | None = None
+    """What then says so, of what is located with it and without; by default that it leaves less."""
+
+    def is_shown(self, other: Located, located: Located) -> bool:
+        """Whether another twin, which has it, shows that a record has it."""
+        return (self.shows or leaves_less)(other, located)
 
     def found(self, twin: RigFile) -> Finding:
         """What the reader must know where a rig was found to have it, as `twin` has."""
@@ -129,3 +139,15 @@ def leaves_less(other: Located, located: Located) -> bool:
         return cost(e.noise.whiten(e.problem, x.evidence.residual), z, e.problem.discount)
 
     return left(other) < left(located) - LESS
+
+
+def is_finer(other: Located, located: Located) -> bool:
+    """Whether forces of the same record have clearly less of a structure of their own beside another twin."""
+
+    def size(x: Located) -> float:
+        problem = x.evidence.problem
+        flat = problem.predict(x.evidence.vector)[0]
+        drives = [(k, a) for k in range(len(problem.pieces)) for a in problem.rig.actuator_names]
+        return fmean(fineness(problem, *key, flat) for key in drives)
+
+    return size(other) < size(located) - FINER

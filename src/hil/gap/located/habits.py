@@ -34,7 +34,7 @@ from typing import Final
 import numpy as np
 
 from hil.config import Actuator, LegMass, RigFile
-from hil.gap.located.habit import HELD, Habit
+from hil.gap.located.habit import HELD, Habit, is_finer
 from hil.gap.located.result import Located
 
 EARLY: Final = 0.4
@@ -179,8 +179,11 @@ RESTS: Final = Habit(
     ),
     free=("transport_delay.delay",),
     told=0.01,
+    is_plain=True,
+    shows=is_finer,
 )  # fmt: skip
-"""Drives that rest are later by about half a tick: how late setpoints are is free."""
+"""Drives that rest are later by about half a tick: how late setpoints are is free. Beside a twin that does
+not rest no place of their ticks makes kicks fall on theirs, and the louder noise hides what else there is."""
 LEADS: Final = Habit(
     "bus.interpolation", "drives that make a first step as they take a setpoint", _may_rest, _leading,
     lambda twin: (
@@ -265,5 +268,7 @@ def _weighs(is_fed: bool, may: Callable[[RigFile], bool], and_drives: str) -> Ha
 
 WEIGHS: Final = _weighs(True, _may_weigh, "and drives reckon with it")
 LOADS: Final = _weighs(False, _may_load, "and drives do not know of it")
-HABITS: Final = (TOGETHER, RESTS, LEADS, TAKES_TIME, FEEDS, BENDS, WEIGHS, LOADS)
+LINES: Final = (RESTS, LEADS)
+"""How drives draw their lines: references tell that, whatever runs do."""
+HABITS: Final = (TOGETHER, *LINES, TAKES_TIME, FEEDS, BENDS, WEIGHS, LOADS)
 """Those that a record is asked for by their share."""

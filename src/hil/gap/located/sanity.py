@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.errors import IdentificationError
 from hil.gap.floor.draws import sensor_noise, sensor_sigma
-from hil.gap.floor.rounding import step_of
+from hil.gap.floor.rounding import step_around, step_of
 from hil.gap.record.problem import LATENCY, Problem, Series
 from hil.gap.record.standstill import LOOSE
 from hil.runs import Run
@@ -93,13 +93,19 @@ def check_runs(runs: Sequence[Run], rig: RigFile) -> list[Finding]:
 
 
 def _coarse(runs: Sequence[Run]) -> frozenset[str]:
-    """Columns whose values, over all runs, lie in steps: where one is coarse, a signal stays on it."""
+    """Columns whose values, over all runs, lie in steps: where one is coarse, a signal stays on it. Those
+    that stay on one throughout are asked beside the twin whether they may (`check_answers`)."""
     columns = dict.fromkeys(str(c) for run in runs for c in run.table.columns if c != "t")
     pooled = {
         c: np.concatenate([_values(run, c) for run in runs if c in run.table.columns])
         for c in columns
     }
-    return frozenset(c for c, values in pooled.items() if step_of(values) is not None)
+    return frozenset(c for c, x in pooled.items() if _is_still(x) or step_of(x) is not None)
+
+
+def _is_still(values: Array) -> bool:
+    """Whether a signal stays on one value that is not zero."""
+    return len(values) > 0 and bool(values[0] != 0.0) and float(np.ptp(values)) == 0.0
 
 
 def _whole(run: Run, rig: RigFile) -> list[Finding]:
@@ -266,7 +272,23 @@ def check_answers(problem: Problem) -> list[Finding]:
                 text = f"comes {1e3 * abs(late):.1f} ms {word} than the twin says"
                 out.append(Finding("warning", x.signal, text))
     out += [f for group, values in drifts.items() for f in _drift(group, values)]
-    return out
+    return out + [f for s in problem.signals for f in _still(problem, s, predicted)]
+
+
+def _still(problem: Problem, signal: str, predicted: Array) -> list[Finding]:
+    """What a signal that stays on one value may be, as far from it as the twin says it should go."""
+    mine = np.concatenate([np.r_[x.part] for x in problem.series if x.signal == signal])
+    values = problem.measured[mine]
+    if not _is_still(values):
+        return []
+    value = float(values[0])
+    spread, _ = sensor_noise(problem.rig, signal.partition(".")[2].partition("_")[0])
+    step = step_around(value, values - predicted[mine], spread)
+    text = f"stands at {value:.6g} throughout"
+    if step is None:
+        return [Finding("error", signal, f"{text}: is the sensor stuck?")]
+    text += f", as in steps of {step:.3g} or more; a sensor that is stuck there looks the same"
+    return [Finding("warning", signal, text)]
 
 
 def _ahead_of_setpoint(problem: Problem, x: Series, t: Array, m: Array) -> Finding | None:

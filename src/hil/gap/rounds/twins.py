@@ -6,16 +6,17 @@ drives act elsewhere, calls what every machine has a fault.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
+from hil.config import RigFile
 from hil.gap.catalogue.sprung import BEND_HZ, BENDS_HZ, sprung_twin
 from hil.gap.fits.evidence import FAINT, explains_better, weigh
 from hil.gap.judged.clear import asked
 from hil.gap.judged.diagnosis import Diagnosis
-from hil.gap.located.habit import Habit, leaves_less, share_of
-from hil.gap.located.habits import DRAWS, GUIDES, HABITS
+from hil.gap.located.habit import Habit, share_of
+from hil.gap.located.habits import DRAWS, GUIDES, HABITS, LINES
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.rounds.question import Question
@@ -37,20 +38,12 @@ Habits = list[tuple[Habit, float]]
 def as_usual(q: Question, located: Located, *, may_draw: bool) -> tuple[Located, Habits]:
     """What was located, by a twin with habits that no effect is like where those leave no gap; and which.
 
-    Habits that are plain are taken wherever they leave less. `may_draw`: drives do not say clearly that they
+    Habits that are plain are taken wherever they show, how lines are drawn even without a gap, for it may
+    hide one. `may_draw`: drives do not say clearly that they
     draw out what force they are told.
     """
-    plain: Habits = []
-    for habit in (h for h in HABITS if h.is_plain and located.is_gap):
-        for _ in range(TURNS):
-            share = share_of(habit, located)
-            if share == 0.0:
-                break
-            problem = located.evidence.problem
-            other = q.locate(habit.twin(problem.rig, share), problem.clocks)
-            if not leaves_less(other, located):
-                break
-            located, plain = other, [*(x for x in plain if x[0] is not habit), (habit, share)]
+    asked = [h for h in HABITS if h.is_plain and (located.is_gap or h in LINES)]
+    located, plain = shown(q.locate, located, asked)
     problem = located.evidence.problem
     rig = problem.rig
     unlike = [(h, share_of(h, located)) for h in HABITS if h.is_unlike and located.is_gap]
@@ -62,6 +55,24 @@ def as_usual(q: Question, located: Located, *, may_draw: bool) -> tuple[Located,
             if not other.is_gap:
                 return other, [*plain, (habit, share)]
     return located, plain
+
+
+def shown(
+    locate: Callable[[RigFile], Located], located: Located, habits: Sequence[Habit]
+) -> tuple[Located, Habits]:
+    """What was located, by a twin with those of `habits` that show; and which. `locate`: the same records
+    beside another rig file's twin."""
+    found: Habits = []
+    for habit in habits:
+        for _ in range(TURNS):
+            share = share_of(habit, located)
+            if share == 0.0:
+                break
+            other = locate(habit.twin(located.evidence.problem.rig, share))
+            if not habit.is_shown(other, located):
+                break
+            located, found = other, [*(x for x in found if x[0] is not habit), (habit, share)]
+    return located, found
 
 
 def with_ticks(q: Question, mine: Considered) -> Considered:
@@ -84,7 +95,8 @@ def with_habits(q: Question, mine: Considered) -> tuple[Considered, Habits]:
     found: Habits = []
     seen, glimpse = mine, None
     for habit in HABITS:
-        if habit.is_plain or (habit.is_unlike and seen.explains_all()):
+        is_asked = habit.is_plain and habit.shows is None  # leaves no less then, with any candidate
+        if is_asked or (habit.is_unlike and seen.explains_all()):
             continue
         share = share_of(habit, seen.located)
         if share == 0.0:
