@@ -21,7 +21,7 @@ from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.located.habits import DRAWS, LINES
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
-from hil.gap.located.sanity import check_runs
+from hil.gap.located.sanity import Finding, check_runs
 from hil.gap.record.lines import CLEAR, UNTOLD, for_lines
 from hil.gap.record.missing import Missing, missing_answers
 from hil.gap.record.runs import as_runs
@@ -29,6 +29,7 @@ from hil.gap.rounds.older import as_it_was, by_itself
 from hil.gap.rounds.question import Question, Report, nuisances_of
 from hil.gap.rounds.round import Considered, considered
 from hil.gap.rounds.twins import (
+    TRANSMISSIONS,
     Habits,
     as_usual,
     on_springs,
@@ -89,7 +90,7 @@ def consider(
     nats = for_lines(rig, [piece for run in forced for piece in stretches(run)])
     habits: Habits = [(DRAWS, 1.0)] if nats > CLEAR and DRAWS.may(rig) else []
     rig = DRAWS.twin(rig, 1.0) if habits else rig
-    older = None
+    older, told = None, list[Finding]()
     if healthy:
         q.say("calibrating on the healthy references")
         found = locate(healthy, rig, seed=seed)
@@ -100,12 +101,12 @@ def consider(
             q.say("the references differ from the twin themselves: what explains that comes first")
             first = consider(healthy, rig, without=without, seed=seed, report=report, seen=found)
             was = first.answer(seed)
-            for habit, share in first.habits:
-                rig, found = habit.twin(rig, share), first.located
             habits += first.habits
-            if first.usual:
-                rig = rig.model_copy(update={"effects": (*rig.effects, *first.usual)})
-                found = locate(healthy, rig, seed=seed)
+            told = [f for f in first.located.findings if f.subject == TRANSMISSIONS]
+            if first.rig != rig:
+                has_more = first.rig.effects != rig.effects
+                rig = first.rig
+                found = locate(healthy, rig, seed=seed) if has_more else first.located
             if was.verdict != "no_gap":
                 effects, older = as_it_was(rig.effects, was)
                 rig = rig.model_copy(update={"effects": effects})
@@ -130,7 +131,7 @@ def consider(
     mine, more = with_guides(q, mine)
     habits += more
     mine, springs = on_springs(q, mine)
-    told = [h.found(mine.rig) for h, _ in habits]
+    told += [h.found(mine.rig) for h, _ in habits]
     told += [f for f in (own_way, springs, older) if f is not None]
     strange = set(check_runs(loaded, mine.rig)) - set(check_runs(loaded, given))
     # what is said of the files kept with runs is said of the file given, not of a twin's

@@ -29,6 +29,9 @@ SPRINGY: Final = ("compliance", "loop_gain")
 GIVES: Final = frozenset({"compliance", "backlash"})
 """Effects that part a load from its motor."""
 
+TRANSMISSIONS: Final = "transmissions"
+"""What the reader is told of springs about."""
+
 TURNS: Final = 3
 """Times that a plain habit is asked for its share: nuisances at their bounds stand for some of it first."""
 
@@ -155,6 +158,8 @@ def with_guides(q: Question, mine: Considered) -> tuple[Considered, Habits]:
 def on_springs(q: Question, mine: Considered) -> tuple[Considered, Finding | None]:
     """`mine`, or what loads that swing on their transmissions say; and what the reader is told of those."""
     told = mine.answer(q.seed)
+    if sprung_twin(mine.rig) == mine.rig:  # references have shown them, or the rig file tells
+        return mine, None
     if told.verdict == "no_gap" or (mine.is_large and not _may_be_springs(told)):
         return mine, None
     seen, glimpse, bend_hz = mine, None, 0.0
@@ -185,7 +190,7 @@ def _better(mine: Considered, other: Considered) -> Considered:
 
 def _springs_found(bend_hz: float) -> Finding:
     return Finding(
-        "info", "transmissions",
+        "info", TRANSMISSIONS,
         f"a twin whose loads swing on their transmissions at {bend_hz:g} Hz, as healthy ones do, explains "
         "what a stiff one does not: what is shown is that twin's",
     )  # fmt: skip
