@@ -32,6 +32,17 @@ def test_springs_are_asked_of_small_and_unknown_gaps(
     assert bool(glimpses) is asked
 
 
+def test_springs_are_not_asked_where_the_twin_has_them(monkeypatch):
+    def none(q, mine, twin):
+        raise AssertionError("a glimpse of the same twin")
+
+    monkeypatch.setattr(twins, "sprung_twin", lambda rig, bend_hz: rig)
+    monkeypatch.setattr(twins, "glimpsed", none)
+    told = SimpleNamespace(verdict="unknown", effects=[])
+    mine = SimpleNamespace(answer=lambda seed: told, is_large=True, rig="sprung")
+    assert on_springs(SimpleNamespace(seed=0), mine) == (mine, None)
+
+
 def test_all_candidates_are_looked_at_beside_the_softest_springs_alone_that_explain_better(
     monkeypatch,
 ):

@@ -140,15 +140,28 @@ def doubted(
     *,
     floor: float = 0.5,
     surely: tuple[float, float] | None = None,
+    at_bound: bool = False,
 ) -> float:
     """The chance that a fit of which nothing varies is none of the catalogue; unseen data begin at one."""
     monkeypatch.setattr(module, "variation", lambda *a: None)
     monkeypatch.setattr(module, "largest_ratio", lambda c, f: 2.0)
     leaf = Leaf(effect, "axis", (f"axis.{effect}.size",), (), "axis")
-    f = SimpleNamespace(leaves=(leaf,), at_bound=(), names=(), values=np.array([]))
+    bounded = leaf.parameters if at_bound else ()
+    f = SimpleNamespace(leaves=(leaf,), at_bound=bounded, names=(), values=np.array([]))
     told = module.Told(share, gain, Score(("axis.force",), 1.0, after, floor, shrink, surely))
     c = SimpleNamespace(problem=SimpleNamespace(discount=20.0))
     return module.doubt(c, None, f, told, None, 1.0)[0]
+
+
+@pytest.mark.parametrize("shrink", [None, 0.98])
+def test_what_wants_more_than_any_rig_has_is_doubted_whatever_unseen_data_say(monkeypatch, shrink):
+    """A rig that slides into its end stop was a tenth of a position, with 0.97."""
+    sure, beyond = (
+        doubted(monkeypatch, 0.99, 90.0, 0.02, shrink, "sensor_scale", floor=0.01, at_bound=b)
+        for b in (False, True)
+    )
+    assert sure < 0.1
+    assert beyond >= module.AT_BOUND
 
 
 @pytest.mark.parametrize(("after", "is_doubtful"), [(1.0, False), (1.04, False), (1.1, True)])

@@ -123,8 +123,6 @@ def doubt(
     part = told.part
     is_borne_out = part.shrink_ci is not None and part.shrink_ci[0] > BORNE_OUT[1]
     other = chance(told.share, EXPLAINED) if is_borne_out else by_share(told.share, told.gain)
-    if is_beyond(others, f):
-        other = max(other, AT_BOUND)
     stands = part.before > STANDS * part.floor and len(others) == len(f.leaves)
     if part.shrink is not None and stands:
         if told.gain > CHANCE or part.shrink > BORNE_OUT[1]:
@@ -135,7 +133,7 @@ def doubt(
         if not _strikes(f, told.gain, asked(c).nearly):
             other = max(other, chance(part.shrink, holds))
     springs = (is_spring(c, f, leaf) for leaf in others if leaf.effect == "hysteresis")
-    if is_at_odds(f) or any(springs):
+    if is_beyond(others, f) or is_at_odds(f) or any(springs):
         other = max(other, AT_BOUND)
     waves = [x for x in others if x.effect in WAVES and f"{x.name}.period" in f.names]
     if any(_never_turns(c, f, leaf) for leaf in waves):

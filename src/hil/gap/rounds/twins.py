@@ -158,7 +158,9 @@ def with_guides(q: Question, mine: Considered) -> tuple[Considered, Habits]:
 def on_springs(q: Question, mine: Considered) -> tuple[Considered, Finding | None]:
     """`mine`, or what loads that swing on their transmissions say; and what the reader is told of those."""
     told = mine.answer(q.seed)
-    if sprung_twin(mine.rig) == mine.rig:  # references have shown them, or the rig file tells
+    if (
+        sprung_twin(mine.rig, BEND_HZ) == mine.rig
+    ):  # references have shown them, or the rig file tells
         return mine, None
     if told.verdict == "no_gap" or (mine.is_large and not _may_be_springs(told)):
         return mine, None
