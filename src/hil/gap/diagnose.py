@@ -9,7 +9,7 @@ the catalogue; shrink on data that no fit has seen. docs/gap.md says why each is
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -90,29 +90,14 @@ def consider(
     nats = for_lines(rig, [piece for run in forced for piece in stretches(run)])
     habits: Habits = [(DRAWS, 1.0)] if nats > CLEAR and DRAWS.may(rig) else []
     rig = DRAWS.twin(rig, 1.0) if habits else rig
-    older, told = None, list[Finding]()
+    told: list[Finding] = []
     if healthy:
         q.say("calibrating on the healthy references")
-        found = locate(healthy, rig, seed=seed)
-        found, lines = shown(lambda twin: locate(healthy, twin, seed=seed), found, LINES)
-        habits += lines
-        rig = found.evidence.problem.rig
-        if found.is_gap:
-            q.say("the references differ from the twin themselves: what explains that comes first")
-            first = consider(healthy, rig, without=without, seed=seed, report=report, seen=found)
-            was = first.answer(seed)
-            habits += first.habits
-            told = [f for f in first.located.findings if f.subject == TRANSMISSIONS]
-            if first.rig != rig:
-                has_more = first.rig.effects != rig.effects
-                rig = first.rig
-                found = locate(healthy, rig, seed=seed) if has_more else first.located
-            if was.verdict != "no_gap":
-                effects, older = as_it_was(rig.effects, was)
-                rig = rig.model_copy(update={"effects": effects})
-                found = locate(healthy, rig, seed=seed)
-        known = as_found(found, nuisances_of(found.evidence.problem))
-        q = replace(q, healthy=found, known=tuple(known))
+        was = _as_it_was(healthy, rig, without, seed, report)
+        rig, told = was.located.evidence.problem.rig, was.told
+        habits += was.habits
+        known = as_found(was.located, nuisances_of(was.located.evidence.problem))
+        q = replace(q, healthy=was.located, known=tuple(known))
     if seen is not None and seen.evidence.problem.rig == rig:
         located = seen
     else:
@@ -132,12 +117,55 @@ def consider(
     habits += more
     mine, springs = on_springs(q, mine)
     told += [h.found(mine.rig) for h, _ in habits]
-    told += [f for f in (own_way, springs, older) if f is not None]
+    told += [f for f in (own_way, springs) if f is not None]
     strange = set(check_runs(loaded, mine.rig)) - set(check_runs(loaded, given))
     # what is said of the files kept with runs is said of the file given, not of a twin's
     own = [f for f in mine.located.findings if f not in strange]
     located = replace(mine.located, findings=(*own, *told))
     return replace(mine, located=located, habits=tuple(habits), usual=any_has)
+
+
+@dataclass(frozen=True, slots=True)
+class _Was:
+    """A rig as its references show it."""
+
+    located: Located
+    """The references, beside the twin of that rig."""
+    habits: Habits
+    told: list[Finding]
+    """What the reader must know of it besides those."""
+
+
+def _as_it_was(
+    healthy: Sequence[Run],
+    rig: RigFile,
+    without: Collection[str],
+    seed: int,
+    report: Report | None,
+) -> _Was:
+    """The rig of healthy references: as its drives draw lines, and with all that explains what else those
+    differ from the twin by."""
+
+    def beside(twin: RigFile) -> Located:
+        return locate(healthy, twin, seed=seed)
+
+    found, habits = shown(beside, beside(rig), LINES)
+    rig = found.evidence.problem.rig
+    if not found.is_gap:
+        return _Was(found, habits, [])
+    if report is not None:
+        report("the references differ from the twin themselves: what explains that comes first")
+    first = consider(healthy, rig, without=without, seed=seed, report=report, seen=found)
+    told = [f for f in first.located.findings if f.subject == TRANSMISSIONS]
+    answer = first.answer(seed)
+    if first.rig != rig:
+        has_more = first.rig.effects != rig.effects
+        rig, found = first.rig, beside(first.rig) if has_more else first.located
+    if answer.verdict != "no_gap":
+        effects, older = as_it_was(rig.effects, answer)
+        found = beside(rig.model_copy(update={"effects": effects}))
+        told.append(older)
+    return _Was(found, [*habits, *first.habits], told)
 
 
 def as_found(found: Located, priors: Sequence[Nuisance]) -> list[Nuisance]:
