@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import pandas as pd
@@ -43,6 +44,10 @@ from hil.gap.rounds.usual import with_usual
 from hil.identify.replay import stretches
 from hil.runs import Run
 
+APART: Final = 1.6
+"""Floors off the rig file's own twin, its drives as they are, from which on runs stand off it whatever their
+references say [R]."""
+
 
 def diagnose(
     runs: Run | pd.DataFrame | Iterable[Run | pd.DataFrame],
@@ -66,7 +71,10 @@ def diagnose(
         return answer
     if report is not None:
         report("once more without the references")
-    alone = diagnose(loaded, rig, without=without, seed=seed, report=report)
+    seen = locate(loaded, rig.model_copy(update={"bus": found.rig.bus}), seed=seed)
+    if max(x.ratio for x in seen.signals) > APART:
+        return answer
+    alone = consider(loaded, rig, without=without, seed=seed, report=report, seen=seen).answer(seed)
     return by_itself(alone, answer) if alone.verdict == "no_gap" else answer
 
 
