@@ -6,6 +6,7 @@ import pytest
 from hil.errors import IdentificationError
 from hil.gap.diagnose import diagnose
 from hil.gap.floor.rounding import step_around
+from hil.gap.judged.doubt import STILL
 from tests.gap.twin_runs import AXIS, record
 
 HOIST = AXIS.model_copy(update={"geometry": AXIS.geometry.model_copy(update={"load": "vertical"})})
@@ -33,6 +34,7 @@ def test_a_force_that_stands_on_one_value_is_in_coarse_steps_and_may_be_stuck():
     assert [(x.effect, x.location) for x in answer.effects] == [
         ("sensor_quantisation", "axis.force")
     ]
+    assert answer.effects[0].probability <= 1.0 - STILL
     told = [f.text for f in answer.located.findings if f.subject == "axis.force"]
     assert any("a sensor that is stuck there looks the same" in text for text in told)
 

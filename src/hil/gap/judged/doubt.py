@@ -16,6 +16,7 @@ import numpy as np
 
 from hil.gap.catalogue.bank import Bank
 from hil.gap.catalogue.nature import EVENTS, FLANKS, MOMENTS, WAVES
+from hil.gap.fits.facts import EFFECT as ROUNDED
 from hil.gap.fits.fitted import Calibrated, Fit
 from hil.gap.fits.friction import is_at_odds
 from hil.gap.fits.further import is_further
@@ -65,6 +66,8 @@ cases of three worlds]."""
 LEAVES: Final = (1.5, 2.2)
 AT_BOUND: Final = 0.8
 """Chance of an effect all of whose parameters want more than any rig has, of two at odds, and the like."""
+STILL: Final = 0.3
+"""Chance that a signal on one value throughout is stuck, and not in coarse steps, which look the same [R]."""
 WAVE_EXPLAINED: Final = 0.75
 """Share that a wave must explain, half of the time, however much goes off unseen data: a saw's first harmonic
 takes three fifths of it, waves of five worlds 0.96 and more."""
@@ -135,6 +138,8 @@ def doubt(
     springs = (is_spring(c, f, leaf) for leaf in others if leaf.effect == "hysteresis")
     if is_beyond(others, f) or is_at_odds(f) or any(springs):
         other = max(other, AT_BOUND)
+    if _stands_still(c, f):
+        other = max(other, STILL)
     waves = [x for x in others if x.effect in WAVES and f"{x.name}.period" in f.names]
     if any(_never_turns(c, f, leaf) for leaf in waves):
         other = max(other, AT_BOUND)
@@ -156,6 +161,16 @@ def doubt(
 def is_beyond(leaves: Sequence[Leaf], f: Fit) -> bool:
     """Whether all parameters of one of `leaves` want more than any rig has."""
     return any(all(n in f.at_bound for n in leaf.parameters) for leaf in leaves)
+
+
+def _stands_still(c: Calibrated, f: Fit) -> bool:
+    """Whether a signal that a fit has in steps stays on one of them throughout."""
+    signals = {leaf.location for leaf in f.leaves if leaf.effect == ROUNDED}
+    return any(
+        float(np.ptp(np.concatenate([c.problem.measured[x.part] for x in mine]))) == 0.0
+        for s in signals
+        if (mine := [x for x in c.problem.series if x.signal == s])
+    )
 
 
 def _never_turns(c: Calibrated, f: Fit, leaf: Leaf) -> bool:
