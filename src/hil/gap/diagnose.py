@@ -98,11 +98,11 @@ def consider(
     nats = for_lines(rig, [piece for run in forced for piece in stretches(run)])
     habits: Habits = [(DRAWS, 1.0)] if nats > CLEAR and DRAWS.may(rig) else []
     rig = DRAWS.twin(rig, 1.0) if habits else rig
-    told: list[Finding] = []
+    older: tuple[Finding, ...] = ()
     if healthy:
         q.say("calibrating on the healthy references")
-        was = _as_it_was(healthy, rig, without, seed, report)
-        rig, told = was.located.evidence.problem.rig, was.told
+        was = _shown_by(healthy, rig, without, seed, report)
+        rig, older = was.located.evidence.problem.rig, was.told
         habits += was.habits
         known = as_found(was.located, nuisances_of(was.located.evidence.problem))
         q = replace(q, healthy=was.located, known=tuple(known))
@@ -124,8 +124,8 @@ def consider(
     mine, more = with_guides(q, mine)
     habits += more
     mine, springs = on_springs(q, mine)
-    told += [h.found(mine.rig) for h, _ in habits]
-    told += [f for f in (own_way, springs) if f is not None]
+    told = [h.found(mine.rig) for h, _ in habits]
+    told += [f for f in (own_way, springs, *older) if f is not None]
     strange = set(check_runs(loaded, mine.rig)) - set(check_runs(loaded, given))
     # what is said of the files kept with runs is said of the file given, not of a twin's
     own = [f for f in mine.located.findings if f not in strange]
@@ -134,23 +134,23 @@ def consider(
 
 
 @dataclass(frozen=True, slots=True)
-class _Was:
+class _Shown:
     """A rig as its references show it."""
 
     located: Located
     """The references, beside the twin of that rig."""
     habits: Habits
-    told: list[Finding]
+    told: tuple[Finding, ...]
     """What the reader must know of it besides those."""
 
 
-def _as_it_was(
+def _shown_by(
     healthy: Sequence[Run],
     rig: RigFile,
     without: Collection[str],
     seed: int,
     report: Report | None,
-) -> _Was:
+) -> _Shown:
     """The rig of healthy references: as its drives draw lines, and with all that explains what else those
     differ from the twin by."""
 
@@ -160,7 +160,7 @@ def _as_it_was(
     found, habits = shown(beside, beside(rig), LINES)
     rig = found.evidence.problem.rig
     if not found.is_gap:
-        return _Was(found, habits, [])
+        return _Shown(found, habits, ())
     if report is not None:
         report("the references differ from the twin themselves: what explains that comes first")
     first = consider(healthy, rig, without=without, seed=seed, report=report, seen=found)
@@ -173,7 +173,7 @@ def _as_it_was(
         effects, older = as_it_was(rig.effects, answer)
         found = beside(rig.model_copy(update={"effects": effects}))
         told.append(older)
-    return _Was(found, [*habits, *first.habits], told)
+    return _Shown(found, [*habits, *first.habits], tuple(told))
 
 
 def as_found(found: Located, priors: Sequence[Nuisance]) -> list[Nuisance]:

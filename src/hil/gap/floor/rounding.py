@@ -33,6 +33,10 @@ TOO_FINE: Final = 2.0
 """Times a finer grid's step, up to which two ways differ by that alone."""
 SURE: Final = 4.0
 """Spreads of its noise that a value may be off what the twin says."""
+MOVES: Final = 20.0
+"""Steps or spreads of its noise by which a position is told to move, if it must."""
+NOISY: Final = 2.0
+"""Steps of a signal, above which its noise cannot but show."""
 RETURNS: Final = 6
 """Changes between two levels from which on they are steps: a sensor that dies changes once."""
 
@@ -48,7 +52,9 @@ def coarse_steps(problem: Problem, residual: Array) -> dict[str, float]:
         values = problem.measured[mine]
         quantity = signal.partition(".")[2].partition("_")[0]
         spread, own = sensor_noise(problem.rig, quantity)
-        if np.ptp(values) == 0.0:
+        if is_still(values):
+            if not must_move(quantity, values - residual[mine], spread, own):
+                continue
             step = step_around(float(values[0]), residual[mine], spread)
         else:
             step = step_of(values, own)
@@ -59,6 +65,19 @@ def coarse_steps(problem: Problem, residual: Array) -> dict[str, float]:
         if step is not None and is_coarse(step, spread, own):
             out[signal] = step
     return out
+
+
+def is_still(values: Array) -> bool:
+    """Whether a signal stays on one value."""
+    return len(values) > 0 and float(np.ptp(values)) == 0.0
+
+
+def must_move(quantity: str, told: Array, spread: float, own: float) -> bool:
+    """Whether a healthy signal does not stay on one value: its noise is more than steps of its `own` hide, or
+    it is a position, which has no noise at rest, and is `told` (N,) to move."""
+    if quantity == "position":
+        return len(told) > 0 and float(np.ptp(told)) > MOVES * max(own, spread, 1e-9)
+    return spread > NOISY * own
 
 
 def step_around(value: float, off: Array, spread: float) -> float | None:

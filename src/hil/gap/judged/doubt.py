@@ -22,6 +22,7 @@ from hil.gap.fits.friction import is_at_odds
 from hil.gap.fits.further import is_further
 from hil.gap.fits.heldout import Score
 from hil.gap.fits.shares import RARE, explained, largest_ratio, usually_explained
+from hil.gap.floor.rounding import is_still
 from hil.gap.judged.clear import EXPLAINED, asked, other_than_facts
 from hil.gap.judged.constancy import Variation, variation
 from hil.gap.judged.looped import is_spring
@@ -167,7 +168,7 @@ def _stands_still(c: Calibrated, f: Fit) -> bool:
     """Whether a signal that a fit has in steps stays on one of them throughout."""
     signals = {leaf.location for leaf in f.leaves if leaf.effect == ROUNDED}
     return any(
-        float(np.ptp(np.concatenate([c.problem.measured[x.part] for x in mine]))) == 0.0
+        is_still(np.concatenate([c.problem.measured[x.part] for x in mine]))
         for s in signals
         if (mine := [x for x in c.problem.series if x.signal == s])
     )

@@ -26,8 +26,9 @@ from hil.gap.record.problem import Problem
 Array = NDArray[np.float64]
 
 FINER: Final = 0.3
-"""Log of the fine structure that another twin must take off the forces of a stretch, to be theirs [0.4 to 1.9
-where drives rest; of 42 other records of ten worlds one holds a share of it, and has more there]."""
+"""Log of the fine structure that another twin must take off the forces of a stretch, to be theirs [of 11
+records of two worlds whose drives rest it takes 0.4 to 1.9 off 10 and 0.2 off one; of 42 of ten other worlds
+one holds a share of it, and has more there]."""
 LESS: Final = 6.0
 """Nats by which references must be explained better with a habit, to have it."""
 HELD: Final = 0.1

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hil.config import RigFile
 from hil.errors import IdentificationError
 from hil.gap.floor.draws import sensor_noise, sensor_sigma
-from hil.gap.floor.rounding import step_around, step_of
+from hil.gap.floor.rounding import is_still, must_move, step_around, step_of
 from hil.gap.record.problem import LATENCY, Problem, Series
 from hil.gap.record.standstill import LOOSE
 from hil.runs import Run
@@ -100,12 +100,9 @@ def _coarse(runs: Sequence[Run]) -> frozenset[str]:
         c: np.concatenate([_values(run, c) for run in runs if c in run.table.columns])
         for c in columns
     }
-    return frozenset(c for c, x in pooled.items() if _is_still(x) or step_of(x) is not None)
-
-
-def _is_still(values: Array) -> bool:
-    """Whether a signal stays on one value that is not zero."""
-    return len(values) > 0 and bool(values[0] != 0.0) and float(np.ptp(values)) == 0.0
+    return frozenset(
+        c for c, x in pooled.items() if step_of(x) is not None or (is_still(x) and x[0] != 0.0)
+    )
 
 
 def _whole(run: Run, rig: RigFile) -> list[Finding]:
@@ -205,13 +202,8 @@ def _stuck(run: Run, rig: RigFile, column: str, t: Array, values: Array) -> list
     if last - first < STUCK:
         return []
     spread, step = sensor_noise(rig, quantity)
-    moved = 0.0
-    if quantity == "position":
-        told = _during(run, f"{place}.setpoint", t[first], t[last])
-        moved = float(np.ptp(told)) if len(told) else 0.0
-    elif spread > 2.0 * step:
-        moved = np.inf
-    if moved <= 20.0 * max(step, spread, 1e-9):
+    told = _during(run, f"{place}.setpoint", t[first], t[last])
+    if not must_move(quantity, told, spread, step):
         return []  # at rest
     share = (t[last] - t[first]) / max(t[-1] - t[0], 1e-9)
     text = f"stands at {values[first]:.6g} from {t[first]:.3f} to {t[last]:.3f} s"
@@ -279,10 +271,11 @@ def _still(problem: Problem, signal: str, predicted: Array) -> list[Finding]:
     """What a signal that stays on one value may be, as far from it as the twin says it should go."""
     mine = np.concatenate([np.r_[x.part] for x in problem.series if x.signal == signal])
     values = problem.measured[mine]
-    if not _is_still(values):
+    quantity = signal.partition(".")[2].partition("_")[0]
+    spread, own = sensor_noise(problem.rig, quantity)
+    if not is_still(values) or not must_move(quantity, predicted[mine], spread, own):
         return []
     value = float(values[0])
-    spread, _ = sensor_noise(problem.rig, signal.partition(".")[2].partition("_")[0])
     step = step_around(value, values - predicted[mine], spread)
     text = f"stands at {value:.6g} throughout"
     if step is None:

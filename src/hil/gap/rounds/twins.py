@@ -98,8 +98,9 @@ def with_habits(q: Question, mine: Considered) -> tuple[Considered, Habits]:
     found: Habits = []
     seen, glimpse = mine, None
     for habit in HABITS:
-        is_asked = habit.is_plain and habit.shows is None  # leaves no less then, with any candidate
-        if is_asked or (habit.is_unlike and seen.explains_all()):
+        # what leaves no less by itself does not with any candidate either
+        has_left_no_less = habit.is_plain and habit.shows is None
+        if has_left_no_less or (habit.is_unlike and seen.explains_all()):
             continue
         share = share_of(habit, seen.located)
         if share == 0.0:
@@ -157,11 +158,9 @@ def with_guides(q: Question, mine: Considered) -> tuple[Considered, Habits]:
 
 def on_springs(q: Question, mine: Considered) -> tuple[Considered, Finding | None]:
     """`mine`, or what loads that swing on their transmissions say; and what the reader is told of those."""
+    if sprung_twin(mine.rig, BEND_HZ) == mine.rig:
+        return mine, None  # references have shown them, or the rig file tells
     told = mine.answer(q.seed)
-    if (
-        sprung_twin(mine.rig, BEND_HZ) == mine.rig
-    ):  # references have shown them, or the rig file tells
-        return mine, None
     if told.verdict == "no_gap" or (mine.is_large and not _may_be_springs(told)):
         return mine, None
     seen, glimpse, bend_hz = mine, None, 0.0
