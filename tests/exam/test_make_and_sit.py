@@ -272,6 +272,13 @@ def test_a_file_in_the_place_of_a_folder_for_answers_is_named(
     assert "taken is no folder" in str(done.exception)
 
 
+def test_making_an_exam_goes_on_where_it_stopped(exam: Path) -> None:
+    words = ["make", "--out", str(exam), "--cases", "1", "--rigs", "axis", "--seed", "3000"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.exception
+    assert "is there already" in done.stderr
+
+
 def test_the_command_line_teaches_and_marks(exam: Path, tmp_path: Path) -> None:
     run = CliRunner()
     assert "seals" in run.invoke(app, ["--help"]).output

@@ -87,7 +87,7 @@ def make(
         raise typer.BadParameter(
             f"{severity!r} is no list of numbers", param_hint="--severity"
         ) from None
-    make_ready(out / "cases")
+    make_ready(out / "CASE")
     order = Order(_list(rigs), seed, severities, _list(kinds), _list(effects), mode.value)
     show = Progress(cases)
     make_exam(order, cases, out, jobs=jobs, on_done=show.done)
