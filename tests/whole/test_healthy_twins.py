@@ -115,6 +115,16 @@ def test_drives_that_rest_show_in_the_fine_structure_of_force(rests):
     assert is_finer(locate(run, RESTS.twin(AXIS, 1.0)), without) is rests
 
 
+@pytest.mark.parametrize("rests", [True, False])
+def test_a_drag_beyond_calibration_is_no_drive_that_rests_nor_hides_one(rests):
+    """Force that is read in step with setpoints: what a large drag leaves of it is finer beside either."""
+    rig = RESTS.twin(AXIS, 1.0) if rests else AXIS
+    drag = effect("viscous_friction", coefficient=600.0)
+    run = record(drag, effect("transport_delay", delay=0.002), rig=rig)
+    _, habits = shown(lambda twin: locate(run, twin), locate(run, AXIS), [RESTS])
+    assert [h for h, _ in habits] == ([RESTS] if rests else [])
+
+
 def test_drives_that_are_a_tick_early_are_seen_and_what_is_beside_it_is_named():
     answer = diagnose(leading(COULOMB), AXIS)
     assert answer.located.evidence.problem.rig.bus.interpolation == "linear_leads"
