@@ -27,11 +27,12 @@ def rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
 
 
 def test_the_filter_answers_a_step_as_the_analogue_butterworth_filter_does() -> None:
-    h, coefficients = 0.00025, np.empty(4)
-    filter_coefficients(150.0, h, coefficients)
-    state, seen = np.zeros(12), []
+    h, coefficients = 0.00025, np.empty((4, 4))
+    imu = np.array([*[0.0] * 12, 150.0, 0.0, 0.0, 0.0, 0.05])
+    filter_coefficients(imu, h, coefficients)
+    state, seen = np.zeros(18), []
     for _ in range(100):
-        filter_step(coefficients, state, np.ones(6))
+        filter_step(coefficients, imu, state, np.ones(6))
         seen.append(state[2])
     b, a = signal.butter(2, 2 * np.pi * 150.0, analog=True)
     _, exact = signal.step((b, a), T=np.arange(0, 101) * h)
@@ -39,6 +40,21 @@ def test_the_filter_answers_a_step_as_the_analogue_butterworth_filter_does() -> 
     w, phase = signal.freqs(b, a, worN=[2 * np.pi * 0.1, 2 * np.pi * 0.2])
     delay = -np.diff(np.angle(phase))[0] / np.diff(w)[0]
     assert group_delay_s(150.0) == pytest.approx(delay, rel=1e-4)
+
+
+def test_a_mount_swings_along_its_axes_as_a_mass_on_a_spring_and_a_damper_does() -> None:
+    """Beside a filter of 20 kHz: specific force read is f (2 d w s + w²) / (s² + 2 d w s + w²)."""
+    h, coefficients, d, w = 0.00025, np.empty((4, 4)), 0.08, 2 * np.pi * 60.0
+    imu = np.array([*[0.0] * 12, 2e4, 60.0, 0.0, 60.0, d])
+    filter_coefficients(imu, h, coefficients)
+    state, seen = np.zeros(18), []
+    for _ in range(400):
+        filter_step(coefficients, imu, state, np.ones(6))
+        seen.append(state[:6].copy())
+    _, exact = signal.step(([2 * d * w, w * w], [1.0, 2 * d * w, w * w]), T=np.arange(401) * h)
+    for axis in (3, 5):
+        np.testing.assert_allclose(np.array(seen)[10:, axis], exact[11:], atol=1e-3)
+    np.testing.assert_allclose(np.array(seen)[10:, [0, 1, 2, 4]], 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["motorcycle", "stewart"])

@@ -121,6 +121,15 @@ class Can(Settings):
         return (self.bitrate, *(b.bitrate for b in self.further))
 
 
+class ImuMount(Settings):
+    """What holds the inertial sensor: it swings there along its axes."""
+
+    frequency: tuple[NonNegative, NonNegative, NonNegative] = Field(
+        (0.0, 0.0, 0.0), description="along each of its axes, Hz; 0: it does not"
+    )
+    damping: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(0.05, description="damping ratio")
+
+
 class Imu(Settings):
     """The platform's inertial sensor: where it sits and how fast it is."""
 
@@ -133,6 +142,7 @@ class Imu(Settings):
     delay: NonNegative = Field(
         0.0, description="delay left in its time stamps, s, its filter's group delay apart"
     )
+    mount: ImuMount = ImuMount()
 
     @property
     def group_delay_s(self) -> float:

@@ -19,7 +19,7 @@ from hil.config import RigFile
 from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.judged.diagnosis import Diagnosis
-from hil.gap.located.habits import DRAWS, LINES
+from hil.gap.located.habits import DRAWS, HABITS, LINES
 from hil.gap.located.locate import locate
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding, check_runs
@@ -115,9 +115,8 @@ def consider(
         located, usual = as_usual(q, located, may_draw=UNTOLD < nats <= CLEAR)
         habits += usual
     mine = with_ticks(q, considered(q, located))
-    if not healthy:
-        mine, more = with_habits(q, mine)
-        habits += more
+    mine, more = with_habits(q, mine, () if healthy else HABITS)
+    habits += more
     mine = with_usual(q, mine)
     any_has = mine.usual
     own_way = usually_found(mine) if any_has else None

@@ -135,7 +135,7 @@ ACTUATOR: Effects = {
     "position_offset": (Spec("offset", "m", 0.0, _travel(-0.25), _travel(0.25), _travel(2e-3)),),
     "lead_error": (
         Spec("scale", "1", 1.0, 0.8, 1.2, 5e-3),
-        Spec("amplitude", "m", 0.0, 0.0, _at_least(1e-3, _travel(2e-3)), _travel(1e-4)),
+        Spec("amplitude", "m", 0.0, 0.0, _at_least(3e-3, _travel(5e-3)), _travel(1e-4)),
         Spec("period", "m", 0.005, 1e-4, 1.0, 0.005),
         Spec("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, 1.0),
     ),

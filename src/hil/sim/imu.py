@@ -1,4 +1,7 @@
-"""The platform's inertial sensor: specific force and rate at the sensor, through its low-pass filter.
+"""The platform's inertial sensor: specific force and rate there, through its mount and low-pass filter.
+
+A mount that gives lets the sensor swing along its own axes: z'' + 2 d w z' + w^2 z = -f, and the sensor reads
+f + z''. It turns no more than the platform does.
 
 Second-order Butterworth filter of the rig file's bandwidth, advanced exactly for inputs that are constant
 over a step. Its group delay at low frequency is sqrt(2) / (2 pi bandwidth); the rig file's `imu.delay` says
@@ -58,22 +61,37 @@ def measure(R, A, k, gravity, imu, qd, qdd, out):  # type: ignore[no-untyped-def
 
 
 @inner
-def filter_coefficients(bandwidth_hz, h, c):  # type: ignore[no-untyped-def]
-    """Exact discretisation of x'' + sqrt(2) w x' + w^2 x = w^2 u for a step h into c (4,):
-    deviation x - u and x' / w turn by [[c0, c1], [c2, c3]]."""
-    w = 2.0 * math.pi * bandwidth_hz
-    a = w * h / math.sqrt(2.0)
-    decay = math.exp(-a)
-    c[0] = decay * (math.cos(a) + math.sin(a))
-    c[1] = decay * math.sqrt(2.0) * math.sin(a)
+def coefficients(w, damping, h, c):  # type: ignore[no-untyped-def]
+    """Exact discretisation of x'' + 2 damping w x' + w^2 x = w^2 u for a step h into c (4,):
+    deviation x - u and x' / w turn by [[c0, c1], [c2, c3]]; `damping` below 1."""
+    turn = math.sqrt(1.0 - damping * damping)
+    a = turn * w * h
+    decay = math.exp(-damping * w * h)
+    c[0] = decay * (math.cos(a) + damping / turn * math.sin(a))
+    c[1] = decay / turn * math.sin(a)
     c[2] = -c[1]
-    c[3] = decay * (math.cos(a) - math.sin(a))
+    c[3] = decay * (math.cos(a) - damping / turn * math.sin(a))
 
 
 @inner
-def filter_step(c, state, u):  # type: ignore[no-untyped-def]
-    """Advance the filters (state: six values, then six rates / w) for inputs u (6,)."""
+def filter_coefficients(imu, h, c):  # type: ignore[no-untyped-def]
+    """Into c (4, 4): `coefficients` of the low-pass filter, then of the mount along each axis."""
+    coefficients(2.0 * math.pi * imu[12], math.sqrt(0.5), h, c[0])
+    for a in range(3):
+        coefficients(2.0 * math.pi * imu[13 + a], imu[16], h, c[1 + a])
+
+
+@inner
+def filter_step(c, imu, state, u):  # type: ignore[no-untyped-def]
+    """Advance mount and filters (state: six values, six rates / w, then of the mount three and three) for
+    inputs u (6,), which are changed to what the sensor is shaken by."""
+    for a in range(3):
+        if imu[13 + a] > 0.0:
+            x, v, k = state[12 + a] - u[3 + a], state[15 + a], c[1 + a]
+            state[12 + a] = u[3 + a] + k[0] * x + k[1] * v
+            state[15 + a] = k[2] * x + k[3] * v
+            u[3 + a] = state[12 + a] + 2.0 * imu[16] * state[15 + a]
     for a in range(6):
         x, v = state[a] - u[a], state[6 + a]
-        state[a] = u[a] + c[0] * x + c[1] * v
-        state[6 + a] = c[2] * x + c[3] * v
+        state[a] = u[a] + c[0, 0] * x + c[0, 1] * v
+        state[6 + a] = c[0, 2] * x + c[0, 3] * v

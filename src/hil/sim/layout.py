@@ -3,8 +3,8 @@
 Parameters: n actuator blocks (effects, then four effects for each answered quantity), then platform,
 IMU channels, whole IMU, clocks, bus, and six coordinates of the joints of each actuator.
 Model: header, actuators' constants (rows of n), geometry twice (with and without effects), body twice,
-gravity twice, legs twice (as they are, as drives know them), IMU. State: rows of n, then the IMU filter's
-twelve values and the tick.
+gravity twice, legs twice (as they are, as drives know them), IMU. State: rows of n, then twelve values of
+the IMU filter, six of its mount, and the tick.
 """
 
 from __future__ import annotations
@@ -128,8 +128,8 @@ friction is more in the positive direction than its mean, A_PRESLIDING the way w
 up, m; A_FKNEE, A_VKNEE how softly force and speed reference bend over to their limits; A_GUIDE Coulomb
 friction that rubs on the load, N."""
 
-BODY, GRAVITY, LEG, IMU = 10, 3, 6, 13
-"""Lengths; IMU: position (3), rotation sensor → platform (9), bandwidth Hz."""
+BODY, GRAVITY, LEG, IMU = 10, 3, 6, 17
+"""Lengths; IMU: position (3), rotation sensor → platform (9), filter Hz, mount Hz (3), its damping ratio."""
 
 # --- state ------------------------------------------------------------------------------------------
 (
@@ -148,8 +148,8 @@ brake; setpoints that wait; static force of the pose; position and velocity as t
 them; force of bent bristles; acceleration that leads a replay to what was measured; force of the bristles
 of the load's guides; whether setpoints reach a smooth twin's drive as its own ticks take them, and where in
 the model's steps its position loop then has its own; speed reference and pre-control that it has set last."""
-S_TAIL = 13
-"""Twelve values of the IMU filter, then the tick."""
+S_TAIL = 19
+"""Twelve values of the IMU filter, six of its mount, then the tick."""
 
 MODE_OFF, MODE_POSITION, MODE_FORCE = 0, 1, 2
 

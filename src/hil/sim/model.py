@@ -146,7 +146,8 @@ def _pack_imu(rig: RigFile) -> Array:
         sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
         -sp, cp * sr, cp * cr,
     ]  # fmt: skip
-    return np.array([*rig.imu.position, *rotation, rig.imu.bandwidth])
+    filters = [rig.imu.bandwidth, *rig.imu.mount.frequency, rig.imu.mount.damping]
+    return np.array([*rig.imu.position, *rotation, *filters])
 
 
 @compiled

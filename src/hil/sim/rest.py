@@ -155,4 +155,6 @@ def rest(model, target, modes, q_guess, state):  # type: ignore[no-untyped-def]
             st[lay.S_X1, i] = target[i]
     if model[lay.H_IMU] != 0.0:
         measure(own[0], own[1], own[2], gravity, imu, np.zeros(n), np.zeros(n), tail[:6])
+        for a in range(3):
+            tail[12 + a] = tail[3 + a]
     return error

@@ -42,11 +42,11 @@ def put_outputs(st, tail, row):  # type: ignore[no-untyped-def]
 @compiled
 def tick_memory(model, imu):  # type: ignore[no-untyped-def]
     """What `tick` works in, kept by its caller: the mechanics' memory, forces (n,), mean rates (n,), the IMU
-    filter's coefficients (4,) and input (6,), the memory of static forces."""
+    filters' coefficients (4, 4) and input (6,), the memory of static forces."""
     n = int(model[lay.H_N])
-    coefficients = np.empty(4)
+    coefficients = np.empty((4, 4))
     if model[lay.H_IMU] != 0.0:
-        filter_coefficients(imu[12], model[lay.H_DT] / model[lay.H_SUBSTEPS], coefficients)
+        filter_coefficients(imu, model[lay.H_DT] / model[lay.H_SUBSTEPS], coefficients)
     return memory(n), np.empty(n), np.empty(n), coefficients, np.empty(6), statics_memory(n)
 
 
@@ -75,7 +75,7 @@ def tick(model, views, st, tail, mem, with_imu):  # type: ignore[no-untyped-def]
                 rates[i] = 0.5 * (rates[i] + st[lay.S_QD, i])
             R, A, twist = mechanics[4][0], mechanics[4][1], mechanics[4][2]
             measure(R, A, twist, gravity, imu, rates, st[lay.S_QDD], sensed)
-            filter_step(coefficients, tail, sensed)
+            filter_step(coefficients, imu, tail, sensed)
     read_encoders(act, st)
     tail[lay.S_TAIL - 1] = k + 1.0
 

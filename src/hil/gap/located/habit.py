@@ -15,8 +15,9 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
-from hil.config import LegMass, RigFile
+from hil.config import RigFile
 from hil.gap.located.residual import WEIGHT_ROUNDS, cost, counted
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
@@ -91,7 +92,7 @@ class Habit:
 
 
 def _plain(value: Any) -> Any:
-    return value.model_dump() if isinstance(value, LegMass) else value
+    return value.model_dump() if isinstance(value, BaseModel) else value
 
 
 def share_of(habit: Habit, located: Located) -> float:

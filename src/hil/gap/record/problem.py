@@ -361,17 +361,19 @@ class Problem:
     def motion(self, vector: Array) -> list[dict[str, Array]]:
         """For each stretch, how the twin moves: "t" (M,) on a grid, `<actuator>.position|velocity|force`
         (M,). Free of noise, so that regions of operation do not depend on the sensors."""
+        quantities = ("position", "velocity", "force")
+        names = [f"{a}.{q}" for a in self.rig.actuator_names for q in quantities]
+        return self.traced(vector, names, MOTION_STEP_S, self.rig.bus.answer_delay)
+
+    def traced(
+        self, vector: Array, names: Sequence[str], step_s: float, late_s: float = 0.0
+    ) -> list[dict[str, Array]]:
+        """For each stretch, what the twin answers: "t" (M,) on a grid of `step_s`, and each of the signals
+        `names` (M,), stamped `late_s` later."""
         jobs, grids = [], []
         for piece in self.pieces:
-            start, end = piece.span_s
-            t = np.arange(start, end, MOTION_STEP_S)
-            names = [
-                f"{a}.{q}"
-                for a in self.rig.actuator_names
-                for q in ("position", "velocity", "force")
-            ]
-            delay = self.rig.bus.answer_delay
-            jobs.append((self._job(piece, dict.fromkeys(names, t + delay)), vector))
+            t = np.arange(*piece.span_s, step_s)
+            jobs.append((self._job(piece, dict.fromkeys(names, t + late_s)), vector))
             grids.append(t)
         flat = run_all(jobs)
         return [

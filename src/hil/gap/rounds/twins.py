@@ -17,6 +17,7 @@ from hil.gap.judged.clear import asked
 from hil.gap.judged.diagnosis import Diagnosis
 from hil.gap.located.habit import Habit, share_of
 from hil.gap.located.habits import DRAWS, GUIDES, HABITS, LINES
+from hil.gap.located.mount import mount_of
 from hil.gap.located.result import Located
 from hil.gap.located.sanity import Finding
 from hil.gap.rounds.question import Question
@@ -89,15 +90,18 @@ def with_ticks(q: Question, mine: Considered) -> Considered:
     return _better(mine, considered(q, q.locate(mine.rig, clocks), mine.parts))
 
 
-def with_habits(q: Question, mine: Considered) -> tuple[Considered, Habits]:
-    """`mine`, or what explains better with habits of its drives and legs; and which.
+def with_habits(
+    q: Question, mine: Considered, habits: Sequence[Habit] = HABITS
+) -> tuple[Considered, Habits]:
+    """`mine`, or what explains better with its IMU's mount and `habits` of its drives and legs; and which.
 
     A habit beside which the likeliest fits explain better is kept at a glimpse, and the next one asked for
     beside it: all candidates are looked at once, beside all of them.
     """
     found: Habits = []
     seen, glimpse = mine, None
-    for habit in HABITS:
+    mount = mount_of(mine.located)
+    for habit in habits if mount is None else (mount, *habits):
         # what leaves no less by itself does not with any candidate either
         has_left_no_less = habit.is_plain and habit.shows is None
         if has_left_no_less or (habit.is_unlike and seen.explains_all()):
