@@ -21,7 +21,7 @@ from hil.errors import RunError
 from hil.frames import Frame, StampedFrame
 from hil.runs import Recorder, list_runs, load_run, repair, repair_run
 from hil.runs.canlog import read_can_log
-from hil.runs.folder import read_meta, sha256
+from hil.runs.folder import new_folder, read_meta, sha256
 from hil.runs.mcapfile import McapSource
 from hil.signals import Cue, Event, TimedPose
 
@@ -128,6 +128,20 @@ def test_two_runs_within_a_second_get_two_folders(
     for recorder in made:
         recorder.close()
     assert made[1].path.name == "20260131T120000Z_motorcycle_2"
+
+
+def test_simulated_runs_have_folders_however_many_there_are(tmp_path: Path) -> None:
+    names = [new_folder(tmp_path, "axis", STARTED).name for _ in range(120)]
+    assert names[-1] == "20260131T120000Z_axis_120"
+    assert len(set(names)) == 120
+
+
+@pytest.mark.parametrize("place", ["file", "file/runs", "lost"])
+def test_a_folder_of_runs_that_is_none_is_a_run_error(tmp_path: Path, place: str) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "lost").symlink_to(tmp_path / "nowhere" / "at all")
+    with pytest.raises(RunError, match=rf"cannot be made: .*{place} is no folder"):
+        new_folder(tmp_path / place, "axis", STARTED)
 
 
 def test_folder_that_cannot_be_made_is_a_run_error(

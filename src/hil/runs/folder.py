@@ -12,8 +12,10 @@ runs/20260131T120000Z_motorcycle/
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import hashlib
+import itertools
 import platform
 import shutil
 from collections.abc import Sequence
@@ -140,18 +142,26 @@ def sha256(data: bytes) -> str:
 
 
 def new_folder(parent: Path, rig: str, started: datetime) -> Path:
-    """Make `parent/<UTC stamp>_<rig>`; a second run within the second gets `_2` and so on."""
+    """Make `parent/<UTC stamp>_<rig>`; a second run within the second gets `_2` and so on.
+
+    Simulated runs all start in the same second. RunError where the folder cannot be made.
+    """
     stem = f"{started.astimezone(UTC):%Y%m%dT%H%M%SZ}_{rig}"
-    for suffix in ("", *(f"_{n}" for n in range(2, 100))):
-        path = parent / f"{stem}{suffix}"
-        try:
-            path.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise RunError(f"{path}: cannot be made: {error.strerror}") from error
-        return path
-    raise RunError(f"{parent}: holds a hundred runs that started in the same second")
+    path = parent / stem
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        for n in itertools.count(2):
+            with contextlib.suppress(FileExistsError):
+                path.mkdir()
+                break
+            path = parent / f"{stem}_{n}"
+    except (FileExistsError, NotADirectoryError) as error:
+        raise RunError(
+            f"{path}: cannot be made: {parent} is no folder, but a file or in one"
+        ) from error
+    except OSError as error:
+        raise RunError(f"{path}: cannot be made: {error.strerror}") from error
+    return path
 
 
 def nearest(folder: Path) -> Path:
