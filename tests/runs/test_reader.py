@@ -378,6 +378,20 @@ def test_list_is_newest_first_and_reads_no_recording(
     assert list_runs(tmp_path / "nowhere") == []
 
 
+def test_list_goes_by_the_start_and_not_by_the_name(tmp_path: Path) -> None:
+    told = {
+        "zz_import": "started = 2025-05-01T00:00:00Z",
+        "imported": "",
+        **dict.fromkeys(("a_axis", "a_axis_2", "a_axis_10"), "started = 2026-01-01T00:00:00Z"),
+        "0_late": "started = 2026-02-01T00:00:00+02:00",
+    }
+    for name, line in told.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.toml").write_text(f'format = "hil-run/1"\nrig = "axis"\n{line}\n')
+    newest_first = ["0_late", "a_axis_10", "a_axis_2", "a_axis", "zz_import", "imported"]
+    assert [i.path.name for i in list_runs(tmp_path)] == newest_first
+
+
 def test_signals_are_told_with_rate_gap_and_range(finished: Path) -> None:
     infos = {i.name: i for i in signal_infos(load_run(finished))}
     leg1 = infos["leg1.position"]

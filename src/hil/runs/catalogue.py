@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from hil.errors import RunError
-from hil.runs.folder import RECORDING, RUN_TOML, STOPPED, is_being_recorded, read_meta
+from hil.runs.folder import RECORDING, RUN_TOML, STOPPED, counted, is_being_recorded, read_meta
 from hil.runs.reader import Run
 
 
@@ -42,11 +42,15 @@ class SignalInfo:
 
 
 def list_runs(folder: Path) -> list[RunInfo]:
-    """The runs in `folder`, newest first; none where it does not exist. Reads no recordings."""
+    """The runs in `folder`, newest first; none where it does not exist. Reads no recordings.
+
+    Runs that started together (all simulated ones do) stand in the order of their names; last come those
+    that do not say when they started.
+    """
     if not folder.is_dir():
         return []
     runs = [_info(path.parent) for path in folder.glob(f"*/{RUN_TOML}")]
-    return sorted(runs, key=lambda info: info.path.name, reverse=True)
+    return sorted(runs, key=_age, reverse=True)
 
 
 def signal_infos(run: Run) -> list[SignalInfo]:
@@ -68,6 +72,10 @@ def signal_infos(run: Run) -> list[SignalInfo]:
             )
         )
     return infos
+
+
+def _age(info: RunInfo) -> tuple[datetime, tuple[tuple[int, str], ...]]:
+    return info.started or datetime.min.replace(tzinfo=UTC), counted(info.path)
 
 
 def _info(folder: Path) -> RunInfo:

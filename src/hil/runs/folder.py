@@ -17,6 +17,7 @@ import fcntl
 import hashlib
 import itertools
 import platform
+import re
 import shutil
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -162,6 +163,12 @@ def new_folder(parent: Path, rig: str, started: datetime) -> Path:
     except OSError as error:
         raise RunError(f"{path}: cannot be made: {error.strerror}") from error
     return path
+
+
+def counted(path: Path) -> tuple[tuple[int, str], ...]:
+    """What to sort folders of one second by: their name, its numbers by size: `_2` stands before `_10`."""
+    parts = re.findall(r"\d+|\D+", path.name)
+    return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in parts)
 
 
 def nearest(folder: Path) -> Path:
