@@ -202,6 +202,24 @@ def test_a_cell_that_is_no_number_is_named_by_column_and_row(tmp_path):
     assert f"{log}: column time, row 42: 'noon' is not a finite number" in refused(log)
 
 
+@pytest.mark.parametrize("cell", ["#DIV/0!", "12#", "1.#INF", "3.5 # sic"])
+def test_a_sign_of_comments_within_a_row_is_part_of_a_cell(tmp_path, cell):
+    log = log_with(tmp_path, actual=changed("actual", 300, cell))
+    assert f"{log}: column actual, row 301: '{cell}' is not a finite number" in refused(log)
+
+
+@pytest.mark.parametrize(
+    ("cell", "is_told"), [("#N/A", "is empty"), ("#DIV/0!", "is not a finite")]
+)
+def test_a_row_that_begins_with_what_a_sheet_could_not_reckon_is_no_comment(
+    tmp_path, cell, is_told
+):
+    log = log_with(tmp_path, time=changed("time", 99, cell))
+    said = refused(log)
+    assert f"{log}: column time, row 100: " in said
+    assert is_told in said
+
+
 # --- clocks ---------------------------------------------------------------------------------------
 
 

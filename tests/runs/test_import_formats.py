@@ -74,6 +74,24 @@ def test_decimal_commas_that_the_map_does_not_say_are_told_with_the_key(tmp_path
         brought(path)
 
 
+def test_lines_that_begin_with_the_comment_sign_are_passed_over(tmp_path):
+    path = as_csv(tmp_path, MOTION)
+    lines = path.read_text().splitlines(keepends=True)
+    lines[400:400] = ["# the cable came off, and on again\n", "  # 1,2,3,4,5\n"]
+    path.write_text("\ufeff# Monday, 3 of 4\n" + "".join(lines), encoding="utf-8")
+    assert holds_the_motion(brought(path))
+
+
+@pytest.mark.parametrize("cell", ["1.#QNAN", "-1.#IND"])
+def test_no_number_as_windows_prints_it_is_no_sample_and_loses_no_neighbour(tmp_path, cell):
+    table = MOTION.astype(object)
+    table.loc[300, "actual"] = cell
+    run = brought(as_csv(tmp_path, table))
+    missing = run.table.index[run.table["axis.position"].isna()]
+    assert list(missing) == [300]
+    assert run.table["axis.force"].notna().all()
+
+
 def test_names_may_hold_the_separator_and_a_byte_order_mark_is_no_name(tmp_path):
     path = tmp_path / "log.csv"
     head = ",".join(f'"{c}"' for c in MOTION.columns)

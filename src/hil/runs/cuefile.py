@@ -20,7 +20,8 @@ import pandas as pd
 
 from hil.control.trajectory import CueTrajectory
 from hil.errors import RunError
-from hil.runs.table import check_increasing, csv_table, finite_numbers
+from hil.runs.csvfile import csv_table
+from hil.runs.table import check_increasing, finite_numbers
 
 FORMAT: Final = "hil-cue/1"
 

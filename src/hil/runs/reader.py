@@ -19,6 +19,7 @@ from hil.configfile import parse_any_rig
 from hil.errors import ConfigError, RunError
 from hil.messages import EventMessage
 from hil.runs.content import Content
+from hil.runs.csvfile import csv_table
 from hil.runs.folder import (
     EVENTS,
     RECORDING,
@@ -30,7 +31,7 @@ from hil.runs.folder import (
     read_meta,
 )
 from hil.runs.mcapfile import McapSource
-from hil.runs.table import check_table, csv_table, parquet_table, signal_order
+from hil.runs.table import check_table, parquet_table, signal_order
 from hil.signals import Event, Severity
 
 

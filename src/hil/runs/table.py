@@ -6,14 +6,11 @@ Samples stand where they were taken: nothing is resampled, a row often holds one
 from __future__ import annotations
 
 import difflib
-import lzma
 import re
-import warnings
-import zlib
 from array import array
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pandas as pd
@@ -97,27 +94,6 @@ def check_increasing(t: np.ndarray, what: str, row: str, *, strictly: bool) -> N
         raise RunError(
             f"{what}: time {verb} at {row} {k + 1}, from {t[k - 1]:.6f} s to {t[k]:.6f} s"
         )
-
-
-def csv_table(path: Path, **how: Any) -> pd.DataFrame:
-    """The table in a CSV file, compressed too; `how` as pandas has it. RunError where it is none.
-
-    So is one with more cells in a row than it has columns: read on, they would stand under others. For
-    that all columns are read: where some are chosen, pandas drops the surplus without a word.
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            table: pd.DataFrame = pd.read_csv(
-                path, index_col=False, skipinitialspace=True, low_memory=False, **how
-            )
-    except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError) as error:
-        raise RunError(f"{path}: is no table of separated values: {error}") from error
-    except UnicodeError as error:
-        raise RunError(f"{path}: is no text: {error}") from error
-    except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
-        raise RunError(f"{path}: cannot be read: {error}") from error
-    return table
 
 
 def parquet_table(path: Path, wanted: Collection[str] | None = None) -> pd.DataFrame:

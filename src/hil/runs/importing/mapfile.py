@@ -86,7 +86,9 @@ class FileSettings(Settings):
     names: tuple[str, ...] = Field(
         (), description='CSV without header: names of the columns; default "1", "2" ...'
     )
-    comment: str = Field("#", min_length=1, max_length=1, description="CSV: starts a comment")
+    comment: str = Field(
+        "#", min_length=1, max_length=1, description="CSV: lines that begin with it are comments"
+    )
     skip_rows: Annotated[int, Field(ge=0)] = Field(0, description="CSV: lines before all others")
     decimal: Literal[".", ","] = Field(".", description="CSV: decimal sign")
     encoding: str = Field("utf-8", description="CSV: character encoding")

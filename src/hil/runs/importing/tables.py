@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import bz2
 import csv
-import gzip
+import itertools
 import lzma
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,15 +14,11 @@ import numpy as np
 import pandas as pd
 
 from hil.errors import RunError
+from hil.runs.csvfile import csv_lines, csv_table
 from hil.runs.importing.mapfile import FileSettings
 from hil.runs.importing.source import Array, Column, Stamps, no_such
-from hil.runs.table import csv_table, finite_numbers, parquet_columns, parquet_table
+from hil.runs.table import finite_numbers, parquet_columns, parquet_table
 
-_OPENERS: Final[dict[str, Callable[..., Any]]] = {
-    ".gz": gzip.open,
-    ".bz2": bz2.open,
-    ".xz": lzma.open,
-}
 _SEPARATORS: Final = (",", ";", "\t", "|")
 _DECIMAL_COMMA: Final = r"\s*[-+]?\d+,\d+\s*"
 
@@ -125,7 +120,7 @@ def read_csv(path: Path, wanted: set[str], how: FileSettings) -> TableSource:
         sep=r"\s+" if separator == " " else separator,
         header=0 if has_header else None,
         names=known,
-        skiprows=how.skip_rows,
+        skip_rows=how.skip_rows,
         comment=how.comment,
         decimal=how.decimal,
         encoding=how.encoding,
@@ -140,18 +135,12 @@ def read_parquet(path: Path, wanted: set[str]) -> TableSource:
 
 def _first_lines(path: Path, how: FileSettings) -> list[str]:
     """Up to ten lines that hold something, comments left out."""
-    opener = _OPENERS.get(path.suffix.lower(), open)
-    lines: list[str] = []
-    with opener(path, "rt", encoding=how.encoding) as stream:
-        for number, line in enumerate(stream):
-            text = line.split(how.comment)[0].rstrip("\r\n").removeprefix("\ufeff")
-            if number >= how.skip_rows and text.strip():
-                lines.append(text)
-            if len(lines) == 10:
-                break
-    if not lines:
+    lines = csv_lines(path, comment=how.comment, skip_rows=how.skip_rows, encoding=how.encoding)
+    texts = (line.rstrip("\r\n") for line in lines)
+    first = list(itertools.islice((text for text in texts if text.strip()), 10))
+    if not first:
         raise RunError(f"{path}: is empty")
-    return lines
+    return first
 
 
 def _separator(lines: list[str], decimal: str) -> str:
