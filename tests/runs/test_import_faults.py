@@ -202,6 +202,16 @@ def test_a_cell_that_is_no_number_is_named_by_column_and_row(tmp_path):
     assert f"{log}: column time, row 42: 'noon' is not a finite number" in refused(log)
 
 
+@pytest.mark.parametrize("cell", ["ERR", "1.5", "1,234.5"])
+def test_a_cell_that_is_no_number_among_decimal_commas_is_named_by_its_own_row(tmp_path, cell):
+    table = motion().map(lambda v: f"{v:.6f}".replace(".", ","))
+    table.loc[300, "force"] = cell
+    log = tmp_path / "log.csv"
+    table.to_csv(log, index=False, sep=";")
+    said = refused(log, '[file]\ndecimal = ","\n' + ALL)
+    assert said == f"{log}: column force, row 301: '{cell}' is not a finite number"
+
+
 @pytest.mark.parametrize("cell", ["#DIV/0!", "12#", "1.#INF", "3.5 # sic"])
 def test_a_sign_of_comments_within_a_row_is_part_of_a_cell(tmp_path, cell):
     log = log_with(tmp_path, actual=changed("actual", 300, cell))

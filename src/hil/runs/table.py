@@ -181,8 +181,11 @@ def _all_numbers(table: pd.DataFrame, names: list[str], source: str) -> dict[str
     return {name: finite_numbers(table[name], source, name) for name in names}
 
 
-def finite_numbers(column: pd.Series, source: str, name: str) -> np.ndarray:
-    """`column` as float64, NaN where empty; RunError where a cell is no finite number, or a date."""
+def finite_numbers(column: pd.Series, source: str, name: str, *, decimal: str = ".") -> np.ndarray:
+    """`column` as float64, NaN where empty; RunError where a cell is no finite number, or a date.
+
+    `decimal`: the decimal sign of numbers that are still text, as all of a column are where one is no number.
+    """
     if column.dtype.kind in "mM" or isinstance(column.dtype, pd.DatetimeTZDtype):
         is_span = column.dtype.kind == "m"
         since = "x" if is_span else "(x - x.iloc[0])"
@@ -190,7 +193,10 @@ def finite_numbers(column: pd.Series, source: str, name: str) -> np.ndarray:
             f"{source}: column {name}: holds {column.dtype}, not numbers: convert it to seconds: with x the "
             f"column, {since}.dt.total_seconds()"
         )
-    values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+    pointed = column
+    if decimal != "." and not pd.api.types.is_numeric_dtype(column):
+        pointed = column.str.translate(str.maketrans(f"{decimal}.", f".{decimal}"))
+    values = pd.to_numeric(pointed, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
     wrong = np.flatnonzero((np.isnan(values) & column.notna().to_numpy()) | np.isinf(values))
     if wrong.size:
         row = int(wrong[0])

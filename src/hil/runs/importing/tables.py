@@ -28,10 +28,13 @@ class TableSource:
 
     row_word = "row"
 
-    def __init__(self, path: Path, table: pd.DataFrame, known: list[str]) -> None:
+    def __init__(
+        self, path: Path, table: pd.DataFrame, known: list[str], decimal: str = "."
+    ) -> None:
         self.path = path
         self._table = table
         self._known = known
+        self._decimal = decimal
 
     def column(self, name: str) -> Column:
         """The column `name`; RunError where it is not there, or a cell is no number."""
@@ -55,9 +58,9 @@ class TableSource:
     def _numbers(self, name: str) -> Array:
         series = self._series(name)
         try:
-            return finite_numbers(series, str(self.path), name)
+            return finite_numbers(series, str(self.path), name, decimal=self._decimal)
         except RunError as error:
-            if series.astype(str).str.fullmatch(_DECIMAL_COMMA).any():
+            if self._decimal == "." and series.astype(str).str.fullmatch(_DECIMAL_COMMA).any():
                 hint = 'are its decimal signs commas? say decimal = "," under [file] of the map'
                 raise RunError(f"{error}: {hint}") from error
             raise
@@ -125,7 +128,8 @@ def read_csv(path: Path, wanted: set[str], how: FileSettings) -> TableSource:
         decimal=how.decimal,
         encoding=how.encoding,
     )
-    return TableSource(path, table[[name for name in known if name in wanted]], known)
+    chosen = table[[name for name in known if name in wanted]]
+    return TableSource(path, chosen, known, how.decimal)
 
 
 def read_parquet(path: Path, wanted: set[str]) -> TableSource:
