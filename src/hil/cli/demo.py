@@ -95,6 +95,8 @@ def _ride(
     name: str, seconds: float, cue: Path | None, mode: ModeName | None, runs: Path, seed: int
 ) -> Path:
     rig, text = rig_with(name, mode=mode, patient=True)
+    if cue is not None:
+        file_cues(rig, cue)  # what is wrong with it is said before anything starts
     runs.mkdir(parents=True, exist_ok=True)
     before = set(runs.iterdir())
     with tempfile.TemporaryDirectory(prefix="hil-demo-") as scratch:
@@ -115,13 +117,12 @@ def _ride(
 class Cast:
     """The processes of the demo. Leaving it ends them, the daemon first: it parks.
 
-    Sockets and a log are made beside `file`, the rig file that all of them read.
+    Sockets and logs are made beside `file`, the rig file that all of them read.
     """
 
     def __init__(self, rig: RigFile, file: Path, runs: Path, seed: int) -> None:
         self._rig = rig
-        scratch = file.parent
-        self._log = (scratch / "log.txt").open("w+")
+        self._scratch = scratch = file.parent
         self._endpoint = f"tcp/127.0.0.1:{free_port()}"
         sockets = [scratch / f"bus{k or ''}.sock" for k in range(len(rig.can.urls))]
         bus = ",".join(f"hub:{path}" for path in sockets)
@@ -129,7 +130,7 @@ class Cast:
         self._daemon = ["run", str(file), "--can", bus, "--listen", self._endpoint]
         self._daemon += ["--runs", str(runs.resolve())]
         self._sockets = sockets
-        self._processes: list[subprocess.Popen[bytes]] = []
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Cast:
         try:
@@ -143,7 +144,7 @@ class Cast:
         return self
 
     def __exit__(self, *_: Any) -> None:
-        for process in reversed(self._processes):
+        for process in reversed(self._processes.values()):
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -151,10 +152,12 @@ class Cast:
             if process.poll() is None:
                 process.kill()
                 process.wait()
-        self._log.close()
 
     def play(self, ride: list[str]) -> None:
-        """Arm, ride, park, disarm; Ctrl-C goes straight to parking."""
+        """Arm, ride, park, disarm; Ctrl-C goes straight to parking.
+
+        HilError with what was said where the ride or another process fails, or the rig has a fault.
+        """
         with self._client() as client:
             self._until_heard(client)
             view = LiveView(self._rig)
@@ -170,10 +173,11 @@ class Cast:
                         if rider is None and state.state == "parked":
                             self._command(client, "arm")
                             rider = self._start(["cue", *ride, "-e", self._endpoint])
-                        elif _is_over(rider) and state.state not in MOVING:
-                            break
                         if state.state in ("fault", "emergency"):
                             raise HilError(f"the rig is in {state.state}: {state.fault}")
+                        self._check()
+                        if _is_over(rider) and state.state not in MOVING:
+                            break
                 except KeyboardInterrupt:
                     show("Ctrl-C: parking")
 
@@ -207,14 +211,19 @@ class Cast:
             raise CommandRefused(f"{name} was refused: {reply.message}")
 
     def _start(self, arguments: list[str]) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "hil", *arguments],
-            stdout=self._log,
-            stderr=self._log,
-            start_new_session=True,  # Ctrl-C is ours: we park before they go
-        )
-        self._processes.append(process)
+        name = arguments[0]
+        with self._log(name).open("wb") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "hil", *arguments],
+                stdout=log,
+                stderr=log,
+                start_new_session=True,  # Ctrl-C is ours: we park before they go
+            )
+        self._processes[name] = process
         return process
+
+    def _log(self, name: str) -> Path:
+        return self._scratch / f"{name}.txt"
 
     def _wait(self, is_there: Any, what: str) -> None:
         deadline_s = time.monotonic() + START_S
@@ -225,10 +234,15 @@ class Cast:
             time.sleep(0.05)
 
     def _check(self) -> None:
-        for process in self._processes:
-            if process.poll() not in (None, 0):
-                said = Path(self._log.name).read_text().strip()
-                raise HilError(f"a process of the demo has ended; what was said:\n{said}")
+        for name, process in self._processes.items():
+            code = process.poll()
+            if code not in (None, 0):
+                raise HilError(
+                    f"`hil {name}` of the demo has ended with exit code {code}; it said:\n{self._said(name)}"
+                )
+
+    def _said(self, name: str) -> str:
+        return self._log(name).read_text(encoding="utf-8", errors="replace").strip()
 
 
 @contextlib.contextmanager

@@ -1,0 +1,84 @@
+"""`hil demo` ends, and says why, whatever becomes of its processes; none of them is real here."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from types import SimpleNamespace
+
+import pytest
+from typer.testing import CliRunner
+
+from hil.cli import demo
+from hil.cli.app import app
+from hil.configfile import load_rig
+from hil.errors import HilError
+from hil.messages import StateMessage
+
+run = CliRunner().invoke
+
+
+class Client:
+    """A rig that is parked once and then ready for ever: no cue ever comes."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def states(self):
+        for k in itertools.count():
+            state = "parked" if k < 2 else "ready"
+            yield StateMessage(0.01 * k, state, {}, {}, {}, 0.0, "")
+
+    def events(self):
+        return SimpleNamespace(waiting=list)
+
+    def command(self, name):
+        return SimpleNamespace(ok=True, message=name)
+
+
+@pytest.fixture
+def cast(tmp_path, monkeypatch):
+    """A cast on that rig; each of its processes is the Python program that the dictionary has for its name."""
+    programs = {}
+    popen = demo.subprocess.Popen
+
+    def start(command, **how):
+        return popen([sys.executable, "-c", programs[command[3]]], **how)
+
+    monkeypatch.setattr(demo.subprocess, "Popen", start)
+    monkeypatch.setattr(demo.Cast, "_client", lambda _: Client())
+    rig = load_rig("axis")
+    return demo.Cast(rig, tmp_path / "axis.toml", tmp_path, 0), programs
+
+
+@pytest.mark.timeout(60)
+def test_a_ride_that_fails_ends_the_demo_with_what_it_said(cast):
+    cast, programs = cast
+    programs["cue"] = "import sys; sys.exit('ride.csv: no such file')"
+    with pytest.raises(
+        HilError, match=r"`hil cue` .* exit code 1; it said:\nride.csv: no such file$"
+    ):
+        cast.play(["play", "axis.toml", "ride.csv"])
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (None, "no such file"),
+        ("t,position\n0,0\n1,9\n", "position goes to 9"),
+        ("t,y\n0,0\n1,0\n", "moves y"),
+    ],
+)
+def test_a_cue_file_is_refused_before_anything_starts(tmp_path, monkeypatch, content, sentence):
+    monkeypatch.setattr(demo.subprocess, "Popen", None)
+    path = tmp_path / "ride.csv"
+    if content is not None:
+        path.write_text(content)
+    result = run(app, ["demo", "axis", "--cue", str(path), "--runs", str(tmp_path / "runs")])
+    assert isinstance(result.exception, HilError)
+    assert str(path) in str(result.exception)
+    assert sentence in str(result.exception)
+    assert not (tmp_path / "runs").exists()
