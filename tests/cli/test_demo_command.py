@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import os
+import signal
 import sys
+import threading
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -41,7 +45,7 @@ class Client:
 
 @pytest.fixture
 def cast(tmp_path, monkeypatch):
-    """A cast on that rig; each of its processes is the Python program that the dictionary has for its name."""
+    """A cast on that rig; each process is the Python program that the dictionary has for its name."""
     programs = {}
     popen = demo.subprocess.Popen
 
@@ -82,3 +86,39 @@ def test_a_cue_file_is_refused_before_anything_starts(tmp_path, monkeypatch, con
     assert str(path) in str(result.exception)
     assert sentence in str(result.exception)
     assert not (tmp_path / "runs").exists()
+
+
+WAITS = "import signal, time; signal.signal(signal.SIGINT, signal.{}); print(flush=True); time.sleep(60)"
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("is_stubborn", [False, True])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_demo_that_is_told_to_end_leaves_no_process(cast, tmp_path, number, is_stubborn):
+    cast, programs = cast
+    programs["simulate"] = WAITS.format("default_int_handler")
+    programs["run"] = WAITS.format("SIG_IGN" if is_stubborn else "default_int_handler")
+    (tmp_path / "bus.sock").touch()
+    again = threading.Timer(0.5, os.kill, (os.getpid(), number))
+
+    def told():
+        assert signal.getsignal(number) is signal.default_int_handler
+        while not all((tmp_path / f"{name}.txt").read_text() for name in programs):
+            time.sleep(0.01)
+        if is_stubborn:
+            again.start()
+        signal.raise_signal(number)
+
+    with pytest.raises(KeyboardInterrupt), demo.ended_as_by_ctrl_c(), cast:
+        told()
+    assert all(process.returncode is not None for process in cast._processes.values())
+
+
+def test_a_signal_that_was_ignored_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with demo.ended_as_by_ctrl_c():
+            os.kill(os.getpid(), signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -59,10 +59,12 @@ def demo(
     """Ride a simulated rig for a minute: no hardware, no root, no server.
 
     Starts the simulated rig behind a CAN hub, the daemon with both its processes, and a client that streams
-    riding cues over Zenoh. Ends parked, with a recording and a page of plots. Ctrl-C parks, then leaves.
+    riding cues over Zenoh. Ends parked, with a recording and a page of plots. Ctrl-C (or SIGTERM)
+    parks, then leaves; a second one leaves at once.
     The rig waits half a second for a drive or a cue, longer than one with a person on it: desks are busy.
     """
-    folder = (_ride_fast if fast else _ride)(rig, seconds, cue, mode, runs, seed)
+    with ended_as_by_ctrl_c():
+        folder = (_ride_fast if fast else _ride)(rig, seconds, cue, mode, runs, seed)
     run = load_run(folder)
     report = run_report(run, folder / "report.html")
     for line in summary_lines(run):
@@ -114,8 +116,24 @@ def _ride(
     return made[-1]
 
 
+@contextlib.contextmanager
+def ended_as_by_ctrl_c() -> Iterator[None]:
+    """SIGTERM, and SIGHUP of a terminal that is gone, raise KeyboardInterrupt; an ignored one stays so."""
+    kept = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        for number, handler in kept.items():
+            if handler is not signal.SIG_IGN:
+                signal.signal(number, signal.default_int_handler)
+        yield
+    finally:
+        for number, handler in kept.items():
+            signal.signal(number, handler)
+
+
 class Cast:
     """The processes of the demo. Leaving it ends them, the daemon first: it parks.
+
+    Where leaving is interrupted it kills them.
 
     Sockets and logs are made beside `file`, the rig file that all of them read.
     """
@@ -131,6 +149,7 @@ class Cast:
         self._daemon += ["--runs", str(runs.resolve())]
         self._sockets = sockets
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._ends = contextlib.ExitStack()
 
     def __enter__(self) -> Cast:
         try:
@@ -144,14 +163,7 @@ class Cast:
         return self
 
     def __exit__(self, *_: Any) -> None:
-        for process in reversed(self._processes.values()):
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(daemon_s(self._rig))
-            if process.poll() is None:
-                process.kill()
-                process.wait()
+        self._ends.close()
 
     def play(self, ride: list[str]) -> None:
         """Arm, ride, park, disarm; Ctrl-C goes straight to parking.
@@ -179,7 +191,7 @@ class Cast:
                         if _is_over(rider) and state.state not in MOVING:
                             break
                 except KeyboardInterrupt:
-                    show("Ctrl-C: parking")
+                    show("told to end: parking")
 
     def _client(self) -> RigClient:
         deadline_s = time.monotonic() + START_S
@@ -219,8 +231,20 @@ class Cast:
                 stderr=log,
                 start_new_session=True,  # Ctrl-C is ours: we park before they go
             )
+        self._ends.callback(self._end, process)
         self._processes[name] = process
         return process
+
+    def _end(self, process: subprocess.Popen[bytes]) -> None:
+        try:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(daemon_s(self._rig))
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
 
     def _log(self, name: str) -> Path:
         return self._scratch / f"{name}.txt"
