@@ -15,9 +15,11 @@ from typer.testing import CliRunner
 
 from hil.cli import demo
 from hil.cli.app import app
+from hil.cli.options import rig_with
 from hil.configfile import load_rig
 from hil.errors import HilError
 from hil.messages import StateMessage
+from hil.runs import Recorder
 
 run = CliRunner().invoke
 
@@ -122,3 +124,23 @@ def test_a_signal_that_was_ignored_stays_ignored():
         assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def test_of_two_demos_into_one_folder_each_reports_its_own(tmp_path):
+    rig, _ = rig_with("axis")
+    (tmp_path / "runs").mkdir()
+    casts = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        casts.append(demo.Cast(rig, tmp_path / name / "axis.toml", tmp_path / "runs", 0))
+    (tmp_path / "a" / "run.txt").write_text("no bus")
+    with pytest.raises(HilError, match=r"the daemon left no recording in .*; it said:\nno bus"):
+        casts[0].recording()
+    made = {}
+    for name in ("b", "a"):
+        own, text = rig_with("axis", can=f"hub:{tmp_path / name / 'bus.sock'}")
+        recorder = Recorder(tmp_path / "runs", text, own, 0.0, reserve_bytes=0)
+        recorder.close()
+        made[name] = recorder.path
+    (tmp_path / "runs" / "zz no run").mkdir()
+    assert [cast.recording() for cast in casts] == [made["a"], made["b"]]

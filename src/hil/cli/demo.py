@@ -25,8 +25,9 @@ from hil.config import RigFile
 from hil.control.demo_ride import DURATION_S
 from hil.daemon.leaving import daemon_s
 from hil.daemon.simulated import record_ride
-from hil.errors import CommandRefused, HilError, RigNotReached
+from hil.errors import CommandRefused, HilError, RigNotReached, RunError
 from hil.runs import load_run
+from hil.runs.folder import counted, read_meta, read_rig
 from hil.ui.live import LiveView
 from hil.ui.report import run_report
 from hil.ui.report_summary import summary_lines
@@ -100,7 +101,6 @@ def _ride(
     if cue is not None:
         file_cues(rig, cue)  # what is wrong with it is said before anything starts
     runs.mkdir(parents=True, exist_ok=True)
-    before = set(runs.iterdir())
     with tempfile.TemporaryDirectory(prefix="hil-demo-") as scratch:
         file = Path(scratch) / f"{rig.name}.toml"
         file.write_text(text)
@@ -110,10 +110,7 @@ def _ride(
                 if cue is None
                 else ["play", str(file), str(cue)]
             )
-    made = sorted(set(runs.iterdir()) - before)
-    if not made:
-        raise HilError(f"the daemon left no recording in {runs}; what it said is above")
-    return made[-1]
+        return cast.recording()
 
 
 @contextlib.contextmanager
@@ -143,7 +140,9 @@ class Cast:
         self._scratch = scratch = file.parent
         self._endpoint = f"tcp/127.0.0.1:{free_port()}"
         sockets = [scratch / f"bus{k or ''}.sock" for k in range(len(rig.can.urls))]
-        bus = ",".join(f"hub:{path}" for path in sockets)
+        self._runs, self._before = runs, set(runs.iterdir())
+        self._urls = tuple(f"hub:{path}" for path in sockets)
+        bus = ",".join(self._urls)
         self._simulate = ["simulate", str(file), "--hub", "--can", bus, "--seed", str(seed)]
         self._daemon = ["run", str(file), "--can", bus, "--listen", self._endpoint]
         self._daemon += ["--runs", str(runs.resolve())]
@@ -192,6 +191,17 @@ class Cast:
                             break
                 except KeyboardInterrupt:
                     show("told to end: parking")
+
+    def recording(self) -> Path:
+        """The run folder that this daemon made: others may record there, on other buses. HilError without."""
+        for folder in sorted(set(self._runs.iterdir()) - self._before, key=counted, reverse=True):
+            with contextlib.suppress(RunError):
+                rig = read_rig(folder, read_meta(folder))
+                if rig is not None and rig.can.urls == self._urls:
+                    return folder
+        raise HilError(
+            f"the daemon left no recording in {self._runs}; it said:\n{self._said('run')}"
+        )
 
     def _client(self) -> RigClient:
         deadline_s = time.monotonic() + START_S
