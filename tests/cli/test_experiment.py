@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -144,6 +145,22 @@ def test_a_custom_motion_is_played_from_its_file(tmp_path):
     described = experiment_of(tmp_path / "out")
     assert described.scale == 1.0
     assert len(described.plan.sha256) == 64
+
+
+def test_a_custom_motion_is_played_again_from_where_it_was_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{0.01 * k},{0.01 * (1 - (k / 100 - 1) ** 2) ** 4}" for k in range(201)]
+    (tmp_path / "sub").mkdir()
+    given = tmp_path / "sub" / "motion.csv"
+    given.write_text("t,position\n" + "\n".join(rows) + "\n")
+    asked = ["experiment", "axis", "custom", "--file", "sub/motion.csv", "--cutoff", "8"]
+    run(app, [*asked, "--dry-run", "a"], catch_exceptions=False)
+    given.unlink()
+    for before, after in ("ab", "bc", "cc"):
+        again = ["experiment", "axis", "play", f"{before}/experiment.toml", "--dry-run", after]
+        run(app, again, catch_exceptions=False)
+        assert experiment_of(after) == experiment_of("a")
+        assert Path(after, "experiment.csv").read_bytes() == Path("a/experiment.csv").read_bytes()
 
 
 def test_workspace_of_the_stewart_platform_is_the_published_one(tmp_path):

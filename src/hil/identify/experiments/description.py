@@ -1,7 +1,7 @@
 """What an experiment was, as `experiment.toml`: its plan, its design, and when it was played.
 
-With the plan and the rig file the design can be made again; `experiment.csv` beside it keeps the motion
-itself, so that nobody has to.
+With the plan and the rig file the design can be made again, of a custom motion with `custom.csv`, a copy of
+the file it came from; `experiment.csv` beside it keeps the motion itself, so that nobody has to.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from hil.config.base import Settings
 from hil.configfile import parse_settings, read_toml
 from hil.control.trajectory import CueTrajectory
 from hil.errors import ConfigError, RunError
-from hil.identify.experiments.plans import Plan
+from hil.identify.experiments.custom import keep_custom
+from hil.identify.experiments.plans import Custom, Plan
 from hil.runs.cuefile import write_cue_file
 from hil.runs.folder import Payload
 
@@ -102,10 +103,16 @@ def periods(description: Description) -> Iterator[Period]:
 
 
 def write_experiment(folder: Path, description: Description, trajectory: CueTrajectory) -> None:
-    """Write `experiment.toml` and `experiment.csv` into `folder`; RunError if the disk refuses."""
-    text = tomlkit.dumps(description.model_dump(mode="json", exclude_none=True))
+    """Write `experiment.toml` and `experiment.csv` into `folder`; RunError if the disk refuses.
+
+    The file of a custom motion is copied there, too.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        if isinstance(description.plan, Custom):
+            plan = keep_custom(description.plan, folder)
+            description = description.model_copy(update={"plan": plan})
+        text = tomlkit.dumps(description.model_dump(mode="json", exclude_none=True))
         (folder / EXPERIMENT_TOML).write_text(text, encoding="utf-8")
     except OSError as error:
         raise RunError(f"{folder}: cannot be written: {error.strerror}") from error
