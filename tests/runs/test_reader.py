@@ -291,6 +291,10 @@ def test_broken_table_gets_its_sentence(
         ('format = "hil-run/2"\nrig = "x"', "format is 'hil-run/2'"),
         ('format = "hil-run/1"', "rig: field required"),
         (RUN_TOML.replace("position", "sideways"), "mode: input should be 'position', 'force'"),
+        (
+            RUN_TOML + "[payload]\nmass = -3",
+            "payload.mass: input should be greater than or equal to 0",
+        ),
         (RUN_TOML + '[payload]\nmass = "heavy"', "payload.mass: input should be a valid number"),
         ("format = ", "is no TOML"),
     ],

@@ -30,6 +30,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
 from hil import __version__
 from hil.config import AnyRig, BicycleFile, RigFile
+from hil.config.base import NonNegative
 from hil.configfile import parse_any_rig, read_toml
 from hil.drivefiles import load_profile, profile_folder
 from hil.drives.profiles import DriveProfile
@@ -76,7 +77,7 @@ class Payload(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    mass: float
+    mass: NonNegative
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
