@@ -284,6 +284,19 @@ def test_broken_table_gets_its_sentence(
     assert "signals.csv" in str(caught.value)
 
 
+def test_a_folder_with_several_records_is_refused(folder: Make, finished: Path) -> None:
+    path = folder()
+    pd.DataFrame(GOOD).to_parquet(path / "signals.parquet")
+    with pytest.raises(
+        RunError, match=f"{path}: holds signals.parquet and signals.csv, which need"
+    ):
+        load_run(path)
+    pd.DataFrame(GOOD).to_csv(finished / "signals.csv")
+    with pytest.raises(RunError, match=r"holds recording.mcap and signals.csv, which need not"):
+        load_run(finished)
+    assert len(load_run(finished / "recording.mcap").table) > len(GOOD["t"])
+
+
 @pytest.mark.parametrize(
     ("meta", "sentence"),
     [

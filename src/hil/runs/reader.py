@@ -7,9 +7,10 @@ finite numbers, a rig file that fits. What is wrong becomes a RunError that name
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast, get_args
+from typing import Final, cast, get_args
 
 import msgspec
 import pandas as pd
@@ -33,6 +34,11 @@ from hil.runs.folder import (
 from hil.runs.mcapfile import McapSource
 from hil.runs.table import check_table, parquet_table, signal_order
 from hil.signals import Event, Severity
+
+_READERS: Final[dict[str, Callable[[Path], pd.DataFrame]]] = {
+    "signals.parquet": parquet_table,
+    "signals.csv": csv_table,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +69,7 @@ class Run:
 def load_run(path: str | Path, rig: AnyRig | None = None) -> Run:
     """Read the run at `path`: a run folder, or a recording.mcap.
 
+    A folder that holds more than one record is refused, unless its recording.mcap is named itself.
     `rig`: the rig file to hold the run against, instead of the one kept with it. RunError where
     nothing can be read, or it is no run of this rig.
     """
@@ -73,23 +80,33 @@ def load_run(path: str | Path, rig: AnyRig | None = None) -> Run:
         raise RunError(f"{path}: no such run")
     if path.suffix == ".mcap":
         if (path.parent / RUN_TOML).is_file() and path.name == RECORDING:
-            return _load_folder(path.parent, rig)
+            return _load_folder(path.parent, rig, RECORDING)
         return _load_mcap(path, None, rig)
     raise RunError(f"{path}: is neither a run folder nor an .mcap file")
 
 
-def _load_folder(folder: Path, rig: AnyRig | None) -> Run:
+def _load_folder(folder: Path, rig: AnyRig | None, name: str | None = None) -> Run:
+    """The run of the record `name` in `folder`, or of the only one there."""
     meta = read_meta(folder)
     fitting = _fitting(rig, meta, folder) or read_any_rig(folder, meta)
-    if (folder / RECORDING).is_file():
-        return _load_mcap(folder / RECORDING, meta, fitting)
-    for name, read in (("signals.parquet", parquet_table), ("signals.csv", csv_table)):
-        if (folder / name).is_file():
-            table = check_table(read(folder / name), str(folder / name), fitting)
-            events = _read_events(folder / EVENTS, _start_s(meta))
-            states = pd.DataFrame({"t": []})
-            return _run(folder, meta, fitting, table, states, events)
-    raise RunError(f"{folder}: holds none of {RECORDING}, signals.parquet, signals.csv")
+    name = name or _only_record(folder)
+    if name == RECORDING:
+        return _load_mcap(folder / name, meta, fitting)
+    table = check_table(_READERS[name](folder / name), str(folder / name), fitting)
+    events = _read_events(folder / EVENTS, _start_s(meta))
+    return _run(folder, meta, fitting, table, pd.DataFrame({"t": []}), events)
+
+
+def _only_record(folder: Path) -> str:
+    there = [name for name in (RECORDING, *_READERS) if (folder / name).is_file()]
+    if not there:
+        raise RunError(f"{folder}: holds none of {', '.join((RECORDING, *_READERS))}")
+    if len(there) > 1:
+        raise RunError(
+            f"{folder}: holds {' and '.join(there)}, which need not say the same: keep the one that is the "
+            "run, and move what else there is out of the folder"
+        )
+    return there[0]
 
 
 def _run(
