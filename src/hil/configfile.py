@@ -87,10 +87,18 @@ def load_settings(path: Path, model: type[S]) -> S:
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file; ConfigError where it cannot be read or is no TOML."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(toml_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: is no TOML: {error}") from error
+
+
+def toml_text(path: Path) -> str:
+    """The text of a TOML file, without the mark that editors on Windows begin it with; as `read_toml`."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is no TOML: {error}") from error
 
 

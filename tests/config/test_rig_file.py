@@ -13,6 +13,7 @@ from hil.configfile import (
     load_rig,
     parse_settings,
     read_toml,
+    toml_text,
 )
 from hil.errors import ConfigError
 from tests.shared_data import shared
@@ -109,6 +110,13 @@ def test_a_file_that_is_no_toml_names_the_place(tmp_path):
     path.write_text("name = [")
     with pytest.raises(ConfigError, match=r"rig\.toml: is no TOML"):
         load_rig(path)
+
+
+def test_the_mark_that_windows_editors_begin_a_file_with_is_passed_over(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text(find_rig_file("axis").read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert load_rig(path) == load_rig("axis")
+    assert toml_text(path) == toml_text(find_rig_file("axis"))
 
 
 def test_a_name_that_is_not_there_lists_those_that_are():

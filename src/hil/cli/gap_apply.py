@@ -11,7 +11,7 @@ import typer
 
 from hil.cli.console import err, out
 from hil.cli.gap_answer import read_answer_file
-from hil.configfile import find_rig_file, load_any_rig, parse_any_rig
+from hil.configfile import find_rig_file, load_any_rig, parse_any_rig, toml_text
 from hil.effectlines import checked
 from hil.errors import ConfigError
 from hil.gap.apply import alarms, applied_text, chosen_causes, habits_of
@@ -46,7 +46,7 @@ def apply(
     settings = checked(load_any_rig(rig), rig)
     try:
         text = applied_text(
-            path.read_text(encoding="utf-8"), answer, when=date.today().isoformat(),
+            toml_text(path), answer, when=date.today().isoformat(),
             source=diagnosis.name, pick=picked,
         )  # fmt: skip
     except ConfigError as error:

@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 
 from hil.cli import identify_frequency
 from hil.cli.console import JsonFlag, err, out, write_json
-from hil.configfile import find_rig_file, load_rig
+from hil.configfile import find_rig_file, load_rig, toml_text
 from hil.effectlines import checked
 from hil.identify.estimate import (
     Identification,
@@ -145,7 +145,7 @@ def fit(
         err.print(f"page: {page}", soft_wrap=True)
     if write is not None:
         when = f"{datetime.now(UTC):%Y-%m-%d}"
-        text = find_rig_file(rig).read_text(encoding="utf-8")
+        text = toml_text(find_rig_file(rig))
         write_rig_file(write, updated_rig_text(text, outcome.identification, when))
         err.print(f"rig file: {write}", soft_wrap=True)
     if not any(e.identifiable for e in outcome.identification.estimates):
