@@ -19,22 +19,40 @@ def profile_folder(name: str) -> Path:
     return Path(name) if Path(name).is_dir() else data_folder("drives") / name
 
 
-def load_profile(name: str) -> DriveProfile:
-    """The drive file of the family `name`, a folder below drives/ or a path to one; or ConfigError."""
-    folder = profile_folder(name)
-    path = folder / "drive.toml"
+def find_drive_file(name: str) -> Path:
+    """The drive file of the family `name`; ConfigError where there is none."""
+    path = profile_folder(name) / "drive.toml"
     if not path.is_file():
         known = ", ".join(sorted(p.parent.name for p in data_folder("drives").glob("*/drive.toml")))
         raise ConfigError(f"{name}: no such drive file; those that come with hil are {known}")
+    return path
+
+
+def load_profile(name: str) -> DriveProfile:
+    """The drive file of the family `name`, a folder below drives/ or a path to one; or ConfigError."""
+    path = find_drive_file(name)
     tables = read_toml(path)
     if tables.get("protocol") != "canopen":
         return parse_settings(tables, LustProfile, str(path))
     profile = parse_settings(tables, Cia402Profile, str(path))
-    return profile.with_objects(load_eds(folder / profile.eds))
+    return profile.with_objects(load_eds(path.parent / profile.eds))
 
 
-def load_profiles(rig: RigFile) -> dict[str, DriveProfile]:
-    """The drive files that a rig names, by name."""
+def load_profiles(rig: RigFile, source: str = "") -> dict[str, DriveProfile]:
+    """The drive files that a rig names, by name.
+
+    ConfigError names `source` (the rig file; by default the rig's name) and the key of each that is missing.
+    """
+    faults = []
+    for k, actuator in enumerate(rig.actuators):
+        try:
+            find_drive_file(actuator.drive.profile)
+        except ConfigError as error:
+            faults.append(
+                f"{source or rig.name}: actuators[{k}] ({actuator.name}).drive.profile: {error}"
+            )
+    if faults:
+        raise ConfigError("\n".join(faults))
     return {name: load_profile(name) for name in sorted({a.drive.profile for a in rig.actuators})}
 
 

@@ -4,6 +4,7 @@ import json
 import re
 
 import pytest
+import tomlkit
 from typer.testing import CliRunner
 
 from hil.cli.app import app, main
@@ -51,6 +52,19 @@ def test_check_answers_no_with_exit_code_one(tmp_path):
     answer = json.loads(result.output)
     assert not answer["ok"]
     assert "mass.m" in answer["faults"][0]
+
+
+@pytest.mark.parametrize("words", [["config", "check"], ["check"]])
+def test_a_drive_file_that_there_is_not_is_told_with_rig_file_and_key(tmp_path, words):
+    path = tmp_path / "rig.toml"
+    tables = tomlkit.parse(find_rig_file("motorcycle").read_text())
+    tables["actuators"][1]["drive"]["profile"] = "nosuch"
+    path.write_text(tomlkit.dumps(tables))
+    answer = json.loads(run(app, [*words, str(path), "--json"]).output)
+    assert not answer["ok"]
+    (fault,) = answer["faults"] if "faults" in answer else [f["text"] for f in answer["findings"]]
+    place = "actuators[1] (leg2).drive.profile: nosuch"
+    assert fault.startswith(f"{path}: {place}: no such drive file; those that come with hil are")
 
 
 def test_a_file_that_there_is_not_is_no_answer(monkeypatch, capsys):

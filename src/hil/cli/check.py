@@ -40,7 +40,7 @@ def check(
     """
     try:
         settings, _ = rig_with(rig, can=can, listen=listen, runs=runs)
-        profiles = profiles_of(settings)
+        profiles = profiles_of(settings, rig)
     except ConfigError as error:
         found = [Finding("fault", "rig file", line) for line in str(error).splitlines()]
     else:

@@ -30,7 +30,7 @@ def check(rig: RigArgument, json: JsonFlag = False) -> None:
     path = find_rig_file(rig)
     try:
         loaded = checked(load_any_rig(rig), rig)
-        doubts = _bicycle(loaded) if isinstance(loaded, BicycleFile) else _driven(loaded)
+        doubts = _bicycle(loaded) if isinstance(loaded, BicycleFile) else _driven(loaded, str(path))
     except ConfigError as error:
         if json:
             write_json({"ok": False, "faults": str(error).splitlines()})
@@ -79,10 +79,10 @@ def schema(
     write_json(described)
 
 
-def _driven(rig: RigFile) -> list[str]:
+def _driven(rig: RigFile, source: str) -> list[str]:
     """What is doubtful about the file of a rig that is driven; HilError for what is wrong."""
     build_rig(rig)
-    require_schedule_fits(rig, load_profiles(rig))
+    require_schedule_fits(rig, load_profiles(rig, source))
     return odd_sizes(rig)
 
 

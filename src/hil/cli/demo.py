@@ -84,7 +84,7 @@ def _ride_fast(
         folder = record_ride(
             rig,
             text,
-            profiles_of(rig),
+            profiles_of(rig, name),
             ride_cues(rig, seconds) if cue is None else file_cues(rig, cue),
             runs,
             seed=seed,
@@ -98,8 +98,9 @@ def _ride(
     name: str, seconds: float, cue: Path | None, mode: ModeName | None, runs: Path, seed: int
 ) -> Path:
     rig, text = rig_with(name, mode=mode, patient=True)
+    profiles_of(rig, name)  # what is wrong with these files is said before anything starts
     if cue is not None:
-        file_cues(rig, cue)  # what is wrong with it is said before anything starts
+        file_cues(rig, cue)
     runs.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="hil-demo-") as scratch:
         file = Path(scratch) / f"{rig.name}.toml"

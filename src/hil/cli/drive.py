@@ -54,7 +54,7 @@ def scan(rig: RigArgument, can: CanOption = None, json: JsonFlag = False) -> Non
     """Who is on the rig's buses. Listens, then reads device type and identity of every CANopen node."""
     settings, _ = rig_with(rig, can=can)
     with _no_daemon(), err.status("listening, then asking"):
-        found = scan_buses(settings, profiles_of(settings))
+        found = scan_buses(settings, profiles_of(settings, rig))
     missing = set(settings.actuator_names) - {f.actuator for f in found}
     if json:
         write_json({"found": [asdict(f) for f in found], "missing": sorted(missing)})
@@ -166,7 +166,7 @@ def jog(
 def _objects(rig: str, actuator: str, can: str | None, endpoint: str) -> Iterator[Access]:
     """The drive over the bus, or through the daemon that has it."""
     settings, _ = rig_with(rig, can=can)
-    profiles = profiles_of(settings)
+    profiles = profiles_of(settings, rig)
     with ExitStack() as stack:
         drive: Access
         try:
@@ -189,7 +189,7 @@ def _desk(rig: str, actuator: str, can: str | None, *, free: bool) -> Iterator[D
             "would push against the others' brakes. Take it off and say --free, or move the whole rig with "
             "the daemon"
         )
-    with _no_daemon(), Desk(settings, profiles_of(settings), actuator) as desk:
+    with _no_daemon(), Desk(settings, profiles_of(settings, rig), actuator) as desk:
         yield desk
 
 

@@ -118,7 +118,7 @@ def _play(
                 made,
                 rig,
                 text,
-                profiles_of(rig),
+                profiles_of(rig, context.obj),
                 runs or Path(rig.recording.folder),
                 seed=seed,
                 effects=effects,

@@ -99,6 +99,6 @@ def put_buses(table: dict[str, Any], urls: str) -> None:
     table["further"] = tuple(further)
 
 
-def profiles_of(rig: RigFile) -> dict[str, DriveProfile]:
-    """The drive files that a rig names."""
-    return load_profiles(rig)
+def profiles_of(rig: RigFile, name: str | None = None) -> dict[str, DriveProfile]:
+    """The drive files that a rig names; ConfigError says which key names one that is missing."""
+    return load_profiles(rig, "" if name is None else str(find_rig_file(name)))

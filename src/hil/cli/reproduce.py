@@ -91,7 +91,7 @@ def _reproduce(
         err.status("playing the experiments") as status,
     ):
         report = make(
-            rig, profiles_of(rig), page, runs or Path(scratch), FAST if fast else FULL,
+            rig, profiles_of(rig, rig_name), page, runs or Path(scratch), FAST if fast else FULL,
             _progress(status),
         )  # fmt: skip
     _say(report, json)

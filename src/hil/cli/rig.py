@@ -57,7 +57,7 @@ def run(
     options = GatewayOptions(is_recording=record, runs_folder=runs, metrics_port=metrics_port)
     try:
         settings, text = rig_with(rig, can=can, mode=mode, listen=listen, runs=runs)
-        code = run_rig(settings, text, profiles_of(settings), options, read_only=read_only)
+        code = run_rig(settings, text, profiles_of(settings, rig), options, read_only=read_only)
     except ConfigError as error:
         complain(str(error))
         raise typer.Exit(os.EX_CONFIG) from error
@@ -80,7 +80,7 @@ def simulate(
     `hil run motorcycle --can hub:/tmp/rig.sock`.
     """
     settings, _ = rig_with(rig, can=can)
-    simulated = SimulatedRig(settings, profiles_of(settings), seed)
+    simulated = SimulatedRig(settings, profiles_of(settings, rig), seed)
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_simulate(settings, simulated, hub=hub))
 
