@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +22,7 @@ from hil.exam.severity import Bench, Solved, effect_of, solve_size
 from hil.exam.world import OUTSIDE, Outside, Scatter, build_world, play
 from hil.exam.world.play import WorldError
 from hil.runs.folder import Payload
+from hil.workers import worker_pool
 
 SHARES: Final = {"none": 1.0 / 3.0, "single": 0.41, "double": 0.1, "triple": 0.02, "outside": 0.14}
 ONE_LAW: Final = ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "hysteresis")
@@ -58,15 +58,10 @@ def make_exam(
         for number in todo:
             on_done(order.case_id(number), make_case(order, number, out))
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+    with worker_pool(jobs) as pool:
         waiting = {pool.submit(make_case, order, n, out): n for n in todo}
-        try:
-            for done in as_completed(waiting):
-                on_done(order.case_id(waiting[done]), done.result())
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        for done in as_completed(waiting):
+            on_done(order.case_id(waiting[done]), done.result())
 
 
 def make_case(order: Order, number: int, out: Path) -> str:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
 import signal
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -25,6 +24,7 @@ from hil.effectlines import effect_names
 from hil.errors import ConfigError, HilError, RunError
 from hil.exam.case import ANSWER, Case, case_folders, load_case, name_pattern, read_answer, seals_of
 from hil.exam.rigs import ALL
+from hil.workers import worker_pool
 
 Baseline = Literal["random", "best-training", "naive-bic", "oracle"]
 LIMIT_S: Final = 1800.0
@@ -80,8 +80,9 @@ def sit_exam(
         for folder in todo:
             on_done(folder.name, sit_case(folder, sitting))
         return
-    for folder, text in _in_processes(todo, sitting, jobs):
-        on_done(folder.name, text)
+    with closing(_in_processes(todo, sitting, jobs)) as sat:
+        for folder, text in sat:
+            on_done(folder.name, text)
 
 
 def _check_effects(names: Sequence[str]) -> None:
@@ -188,7 +189,7 @@ def _limit(seconds: float) -> Iterator[None]:
 
 def _in_processes(
     folders: Sequence[Path], sitting: Sitting, jobs: int
-) -> Iterator[tuple[Path, str]]:
+) -> Generator[tuple[Path, str], None, None]:
     """Sit cases in several processes. Where one dies, those that were under way are tried again alone."""
     suspects: list[Path] = []
     queue = list(folders)
@@ -212,7 +213,7 @@ def _until_broken(
 ) -> Generator[tuple[Path, str], None, tuple[list[Path], list[Path]]]:
     """Yields what is done; returns those not begun and those under way when a process died."""
     queue = list(folders)
-    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with worker_pool(jobs) as pool:
         under_way: dict[Future[str], Path] = {}
         try:
             while queue or under_way:
@@ -225,7 +226,4 @@ def _until_broken(
                     yield under_way.pop(future), text
         except BrokenProcessPool:
             return queue, [f for f in under_way.values() if not sitting.file(f.name).is_file()]
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
     return [], []

@@ -9,12 +9,11 @@ says so in `<name>.error.txt` and is tried again by the next start.
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
-from collections.abc import Callable, Collection, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Collection, Generator, Sequence
+from concurrent.futures import Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -28,6 +27,7 @@ from hil.gap.bicycle import diagnose_any
 from hil.gap.record.inputs import differing, inputs_of
 from hil.runs import load_run
 from hil.runs.folder import RUN_TOML, read_meta
+from hil.workers import worker_pool
 
 OnDone = Callable[[str, str], None]
 
@@ -156,9 +156,10 @@ def run_jobs(
     else:
         done = ((j, do_job(j)) for j in jobs)
     failed = 0
-    for job, text in done:
-        failed += text.startswith(FAILED)
-        on_done(job.name, text)
+    with closing(done):
+        for job, text in done:
+            failed += text.startswith(FAILED)
+            on_done(job.name, text)
     return failed
 
 
@@ -226,10 +227,9 @@ def _keep(path: Path, data: bytes) -> None:
     fresh.replace(path)
 
 
-def _in_processes(jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, str]]:
-    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
-    under_way: dict[Future[str], Job] = {pool.submit(do_job, j): j for j in jobs}
-    try:
+def _in_processes(jobs: Sequence[Job], workers: int) -> Generator[tuple[Job, str], None, None]:
+    with worker_pool(workers) as pool:
+        under_way: dict[Future[str], Job] = {pool.submit(do_job, j): j for j in jobs}
         for future in as_completed(under_way):
             job = under_way[future]
             try:
@@ -237,11 +237,9 @@ def _in_processes(jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, str]
             except BrokenProcessPool:
                 died = RunError("its process died; start the batch again")
                 yield job, _failed(job, died)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Iterator[tuple[Job, str]]:
+def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Generator[tuple[Job, str], None, None]:
     try:
         from distributed import Client
         from distributed import as_completed as completed

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from hil.identify.experiments.description import EXPERIMENT_CSV
 from hil.identify.experiments.play import play_simulated
 from hil.rigs import build_rig
 from hil.runs import Run, load_run, read_cue_file
+from hil.workers import worker_pool
 
 Array = NDArray[np.float64]
 Profiles = Mapping[str, LustProfile]
@@ -93,17 +93,11 @@ def play_all(
     CommandRefused, LimitViolation or RunError where one cannot be played.
     """
     folders: dict[str, Path] = {}
-    # spawn: a forked child would inherit threads of compiled code and of whoever called us
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(len(jobs), os.cpu_count() or 1), mp_context=context) as pool:
+    with worker_pool(min(len(jobs), os.cpu_count() or 1)) as pool:
         asked = {pool.submit(_play, job, dict(profiles), folder / job.name): job for job in jobs}
-        try:
-            for done in as_completed(asked):
-                folders[asked[done].name] = done.result()
-                on_progress(f"played {len(folders)} of {len(jobs)} ({asked[done].name})")
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        for done in as_completed(asked):
+            folders[asked[done].name] = done.result()
+            on_progress(f"played {len(folders)} of {len(jobs)} ({asked[done].name})")
     return {job.name: _read(job, folders[job.name]) for job in jobs}
 
 
