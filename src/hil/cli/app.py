@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
 import typer
@@ -32,7 +33,11 @@ def _version(
 
 
 def main() -> None:
-    """Entry point: exit code 0 done, 1 done but the answer is no, 2 could not be done."""
+    """Entry point: exit code 0 done, 1 done but the answer is no, 2 could not be done, 130 interrupted.
+
+    SIGTERM interrupts as Ctrl-C does: what was begun is cleared away, what was finished stays.
+    """
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         app()
     except HilError as error:
