@@ -1,4 +1,4 @@
-"""Reads rig files: finds them, and turns what is wrong with them into sentences."""
+"""Reads rig files: finds them, and turns what is wrong with them into sentences. Writes new ones."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from hil.config import AnyRig, BicycleFile, RigFile
 from hil.config.base import Settings
 from hil.config.bicycle import BICYCLE
 from hil.errors import ConfigError
+from hil.files import write_whole
 
 S = TypeVar("S", bound=Settings)
 
@@ -77,6 +78,16 @@ def rig_toml(rig: AnyRig, comment: str = "") -> str:
     """A rig file that says all of `rig`, defaults included, after a line of comment."""
     tables = rig.model_dump(mode="json", exclude_none=True)
     return (f"# {comment}\n" if comment else "") + tomlkit.dumps(tables)
+
+
+def write_rig_file(path: Path, text: str) -> None:
+    """Write a rig file whole or not at all; ConfigError where that fails or one stands there already."""
+    if path.exists():
+        raise ConfigError(f"{path}: exists already; name another file with --out")
+    try:
+        write_whole(path, text)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def load_settings(path: Path, model: type[S]) -> S:

@@ -142,6 +142,19 @@ def test_a_saved_ride_is_a_run_of_its_bicycle_without_its_secrets(weaving, tmp_p
         save(weaving, folder)
 
 
+def test_a_ride_that_the_disk_does_not_take_leaves_nothing_in_the_way(
+    weaving, tmp_path, monkeypatch
+):
+    def full(table, path, **how):
+        path.write_bytes(b"PAR1")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pandas.DataFrame.to_parquet", full)
+    with pytest.raises(RunError, match="ride: cannot be written: No space left on device"):
+        save(weaving, tmp_path / "ride")
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("place", "row"), [(3.7, 3), (-2.0, 0), (1e300, 9), (np.inf, 9), (-np.inf, 0), (np.nan, 0)]
 )

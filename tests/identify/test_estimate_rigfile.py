@@ -9,10 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from hil.cli.app import app
-from hil.configfile import data_folder, load_rig, rig_toml
+from hil.configfile import data_folder, load_rig, rig_toml, write_rig_file
 from hil.errors import ConfigError, IdentificationError
 from hil.identify.estimate.result import Estimate, Identification
-from hil.identify.estimate.rigfile import updated_rig_text, write_rig_file
+from hil.identify.estimate.rigfile import updated_rig_text
 from hil.runs.folder import RunMeta, write_meta
 from tests.identify.estimate_data import as_run, multisine, play
 

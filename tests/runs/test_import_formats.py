@@ -24,7 +24,7 @@ from hil.cli.app import app
 from hil.configfile import data_folder, load_rig
 from hil.errors import RunError
 from hil.runs import load_run
-from hil.runs.importing import find_map, load_map
+from hil.runs.importing import find_map, import_run, load_map
 from tests.runs.foreign import CLOCK, SIGNALS, as_csv, bring, brought, map_file, motion
 
 MOTION = motion()
@@ -368,3 +368,15 @@ def test_the_command_prints_signals_and_checks_and_makes_the_folder(tmp_path):
     again = CliRunner().invoke(app, [*arguments, str(tmp_path / "a")])
     assert isinstance(again.exception, RunError)
     assert "never overwrites" in str(again.exception)
+
+
+def test_an_import_that_the_disk_does_not_take_leaves_nothing_in_the_way(tmp_path, monkeypatch):
+    def full(table, path, **how):
+        path.write_bytes(b"PAR1")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(pd.DataFrame, "to_parquet", full)
+    path, mapping = as_csv(tmp_path, MOTION), map_file(tmp_path, CLOCK + SIGNALS)
+    with pytest.raises(RunError, match="out: cannot be written: No space left on device"):
+        import_run(path, mapping, tmp_path / "out")
+    assert not list(tmp_path.glob("*out*"))

@@ -20,6 +20,7 @@ from hil.config import BicycleFile
 from hil.config.bicycle import SIGNALS
 from hil.configfile import rig_toml
 from hil.errors import RunError
+from hil.files import whole_folder
 from hil.runs.folder import RIG_TOML, RunMeta, write_meta
 from hil.runs.table import TableBuilder, signal_order
 
@@ -96,11 +97,11 @@ def record(rig: BicycleFile, truth: RideTruth, seed: int = 0) -> pd.DataFrame:
 def save(ride: SimulatedRide, folder: FilePath, note: str = "") -> FilePath:
     """Write the ride as a run folder; its rig file keeps no effects: nobody told the recorder of them."""
     try:
-        folder.mkdir(parents=True, exist_ok=False)
-        ride.table.to_parquet(folder / "signals.parquet", index=False, compression="zstd")
-        plain = ride.rig.model_copy(update={"effects": ()})
-        (folder / RIG_TOML).write_text(rig_toml(plain), encoding="utf-8")
-        write_meta(folder, RunMeta(rig=ride.rig.name, mode="ride", note=note))
+        with whole_folder(folder) as fresh:
+            ride.table.to_parquet(fresh / "signals.parquet", index=False, compression="zstd")
+            plain = ride.rig.model_copy(update={"effects": ()})
+            (fresh / RIG_TOML).write_text(rig_toml(plain), encoding="utf-8")
+            write_meta(fresh, RunMeta(rig=ride.rig.name, mode="ride", note=note))
     except FileExistsError as error:
         raise RunError(f"{folder}: exists already; a ride never overwrites") from error
     except OSError as error:

@@ -11,11 +11,10 @@ import typer
 
 from hil.cli.console import err, out
 from hil.cli.gap_answer import read_answer_file
-from hil.configfile import find_rig_file, load_any_rig, parse_any_rig, toml_text
+from hil.configfile import find_rig_file, load_any_rig, parse_any_rig, toml_text, write_rig_file
 from hil.effectlines import checked
 from hil.errors import ConfigError
 from hil.gap.apply import alarms, applied_text, chosen_causes, habits_of
-from hil.identify.estimate.rigfile import write_rig_file
 from hil.units import with_unit
 
 

@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 
 from hil.cli import identify_frequency
 from hil.cli.console import JsonFlag, err, out, write_json
-from hil.configfile import find_rig_file, load_rig, toml_text
+from hil.configfile import find_rig_file, load_rig, toml_text, write_rig_file
 from hil.effectlines import checked
 from hil.identify.estimate import (
     Identification,
@@ -26,7 +26,6 @@ from hil.identify.estimate import (
     identify,
     identify_twin,
     updated_rig_text,
-    write_rig_file,
 )
 from hil.runs import load_run
 

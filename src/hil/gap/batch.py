@@ -23,6 +23,7 @@ import msgspec
 from hil.configfile import load_any_rig
 from hil.effectlines import checked
 from hil.errors import ConfigError, HilError, RunError
+from hil.files import write_whole
 from hil.gap.bicycle import diagnose_any
 from hil.gap.record.inputs import differing, inputs_of
 from hil.runs import load_run
@@ -183,7 +184,7 @@ def do_job(job: Job) -> str:
         healthy = [load_run(Path(p), rig) for p in job.references]
         found = diagnose_any(runs, rig, references=healthy, without=job.without, seed=job.seed)
         said = msgspec.json.encode({**found.tables(), MADE_OF: made_of})
-        _keep(job.answer, msgspec.json.format(said, indent=2) + b"\n")
+        write_whole(job.answer, msgspec.json.format(said, indent=2) + b"\n")
     except (HilError, ArithmeticError, ValueError, LookupError, OSError) as error:
         return _failed(job, error)
     job.failure.unlink(missing_ok=True)
@@ -193,7 +194,7 @@ def do_job(job: Job) -> str:
 def _failed(job: Job, error: BaseException) -> str:
     """Keep why a job failed, and say it."""
     with suppress(OSError):  # a full disk: then it is only said
-        _keep(job.failure, f"{type(error).__name__}: {error}\n".encode())
+        write_whole(job.failure, f"{type(error).__name__}: {error}\n")
     return f"{FAILED}{error}"
 
 
@@ -218,13 +219,6 @@ def summary(jobs: Sequence[Job]) -> list[dict[str, Any]]:
 
 def _paths(places: Sequence[Path]) -> tuple[str, ...]:
     return tuple(str(p.resolve()) for p in places)
-
-
-def _keep(path: Path, data: bytes) -> None:
-    """Write whole or not at all, so that an interrupted batch leaves no half answer."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}")
-    fresh.write_bytes(data)
-    fresh.replace(path)
 
 
 def _in_processes(jobs: Sequence[Job], workers: int) -> Generator[tuple[Job, str], None, None]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from hil.errors import RunError
+from hil.files import whole_folder
 from hil.messages import EventMessage, encode
 from hil.runs.folder import DRIVES, EVENTS, EXTRA, RIG_TOML, RunMeta, write_meta
 from hil.runs.mcapfile import McapSource
@@ -21,20 +22,20 @@ def export_run(run: Run, folder: Path, kind: Literal["parquet", "csv"] = "parque
     Samples keep their own instants and all their digits; `t` counts from the start of recording.
     RunError where the folder exists and is not empty, or cannot be written.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise RunError(f"{folder}: exists already; an export never overwrites")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        _keep(run, folder)
-        if run.events:
-            lines = (EventMessage(e.t_s, e.severity, e.name, e.text) for e in run.events)
-            (folder / EVENTS).write_bytes(b"".join(encode(line) + b"\n" for line in lines))
-        path = folder / _SIGNALS[kind]
-        if kind == "csv":
-            run.table.to_csv(path, index=False)
-        else:
-            run.table.to_parquet(path, index=False, compression="zstd")
-        write_meta(folder, _from_zero(run.meta))  # last: a folder without it is no run
+        with whole_folder(folder) as fresh:
+            _keep(run, fresh)
+            if run.events:
+                lines = (EventMessage(e.t_s, e.severity, e.name, e.text) for e in run.events)
+                (fresh / EVENTS).write_bytes(b"".join(encode(line) + b"\n" for line in lines))
+            path = fresh / _SIGNALS[kind]
+            if kind == "csv":
+                run.table.to_csv(path, index=False)
+            else:
+                run.table.to_parquet(path, index=False, compression="zstd")
+            write_meta(fresh, _from_zero(run.meta))
+    except FileExistsError as error:
+        raise RunError(f"{folder}: exists already; an export never overwrites") from error
     except OSError as error:
         raise RunError(f"{folder}: cannot be written: {error.strerror or error}") from error
     return folder

@@ -35,6 +35,7 @@ from hil.configfile import parse_any_rig, read_toml
 from hil.drivefiles import load_profile, profile_folder
 from hil.drives.profiles import DriveProfile
 from hil.errors import ConfigError, RunError
+from hil.files import write_whole
 
 FORMAT: Final = "hil-run/1"
 RUN_TOML: Final = "run.toml"
@@ -180,9 +181,7 @@ def nearest(folder: Path) -> Path:
 
 def write_meta(folder: Path, meta: RunMeta) -> None:
     """Write `run.toml` at once: readers see the old file or the new one, never half of it."""
-    fresh = folder / f".{RUN_TOML}"
-    fresh.write_text(meta_toml(meta), encoding="utf-8")
-    fresh.replace(folder / RUN_TOML)
+    write_whole(folder / RUN_TOML, meta_toml(meta))
 
 
 def meta_toml(meta: RunMeta) -> str:

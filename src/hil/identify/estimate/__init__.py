@@ -12,7 +12,7 @@ from hil.identify.estimate.outputerror import profile
 from hil.identify.estimate.picture import fit_page
 from hil.identify.estimate.regression import BodySet
 from hil.identify.estimate.result import Estimate, Identification
-from hil.identify.estimate.rigfile import updated_rig_text, write_rig_file
+from hil.identify.estimate.rigfile import updated_rig_text
 from hil.identify.estimate.twinproblem import TwinProblem
 
 __all__ = [
@@ -33,5 +33,4 @@ __all__ = [
     "profile",
     "stability_bound_s",
     "updated_rig_text",
-    "write_rig_file",
 ]

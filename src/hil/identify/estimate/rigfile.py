@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -13,7 +12,7 @@ from tomlkit.items import Item
 
 from hil.config import RigFile
 from hil.configfile import parse_settings
-from hil.errors import ConfigError, IdentificationError
+from hil.errors import IdentificationError
 from hil.identify.estimate.fit import body_numbers
 from hil.identify.estimate.names import AXES, FORCE_GAIN, GROUP, force_gains, is_rig_number
 from hil.identify.estimate.result import Estimate, Identification
@@ -47,17 +46,6 @@ def updated_rig_text(text: str, result: Identification, when: str) -> str:
     new = tomlkit.dumps(doc)
     parse_settings(tomllib.loads(new), RigFile, f"{result.rig} with what was identified")
     return new
-
-
-def write_rig_file(path: Path, text: str) -> None:
-    """Write a rig file; ConfigError where that fails or would overwrite one that stands there."""
-    try:
-        with path.open("x", encoding="utf-8") as stream:
-            stream.write(text)
-    except FileExistsError as error:
-        raise ConfigError(f"{path}: exists already; name another file with --out") from error
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _comment(e: Estimate, source: str) -> str:

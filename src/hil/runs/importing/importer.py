@@ -17,6 +17,7 @@ from hil import __version__
 from hil.config import RigFile
 from hil.configfile import find_rig_file, load_any_rig
 from hil.errors import ConfigError, RunError
+from hil.files import is_taken, whole_folder
 from hil.runs.folder import EXTRA, RIG_TOML, RunMeta, write_meta
 from hil.runs.importing.checks import check_signal, check_sizes
 from hil.runs.importing.clocks import check_clock, check_clocks
@@ -73,7 +74,7 @@ def import_run(
     does not allow; nothing is written then. ConfigError for the map or the rig file.
     """
     mapped = load_map(map_path)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    if is_taken(folder):
         raise RunError(f"{folder}: exists already; an import never overwrites")
     if not path.is_file():
         raise RunError(f"{path}: no such file")
@@ -211,16 +212,15 @@ def _write(
     map_path: Path,
     rig_path: Path | None,
 ) -> None:
-    """`run.toml` comes last: a folder without it is no run."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        table.to_parquet(folder / "signals.parquet", index=False, compression="zstd")
-        if extra is not None:
-            extra.to_parquet(folder / EXTRA, index=False, compression="zstd")
-        shutil.copyfile(map_path, folder / MAP_TOML)
-        if rig_path is not None:
-            shutil.copyfile(rig_path, folder / RIG_TOML)
-        write_meta(folder, meta)
+        with whole_folder(folder) as fresh:
+            table.to_parquet(fresh / "signals.parquet", index=False, compression="zstd")
+            if extra is not None:
+                extra.to_parquet(fresh / EXTRA, index=False, compression="zstd")
+            shutil.copyfile(map_path, fresh / MAP_TOML)
+            if rig_path is not None:
+                shutil.copyfile(rig_path, fresh / RIG_TOML)
+            write_meta(fresh, meta)
     except OSError as error:
         raise RunError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
