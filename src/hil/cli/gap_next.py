@@ -10,11 +10,12 @@ from rich.table import Table
 
 from hil.cli.console import err, out, write_json
 from hil.cli.gap_answer import read_answer_file
+from hil.cli.outputs import make_ready_anew
 from hil.config import BicycleFile
 from hil.configfile import load_any_rig
 from hil.effectlines import checked
-from hil.gap.bicycle.next import RideProposal, propose_ride, write_ride_proposal
-from hil.gap.next import Proposal, propose, write_proposal
+from hil.gap.bicycle.next import RideProposal, propose_ride, ride_folders, write_ride_proposal
+from hil.gap.next import Proposal, motion_beside, propose, read_candidates, write_proposal
 
 
 def next_experiment(
@@ -24,7 +25,9 @@ def next_experiment(
     rig: Annotated[str, typer.Option("--rig", help="Rig file that was diagnosed, or its name.")],
     to: Annotated[
         Path,
-        typer.Option("--out", help="Experiment to write; its motion goes beside it as .csv."),
+        typer.Option(
+            "--out", help="Experiment to write (.toml); its motion goes beside it as .csv."
+        ),
     ],
     seconds: Annotated[
         float, typer.Option(min=8.0, max=600.0, help="Length of the motion.")
@@ -47,9 +50,11 @@ def next_experiment(
     if isinstance(settings, BicycleFile):
         _ride(diagnosis, settings, rig, to, seed, as_json)
         return
+    answer = read_answer_file(diagnosis)
+    make_ready_anew(to, motion_beside(to))
     with err.status("drawing motions") as status:
         found = propose(
-            read_answer_file(diagnosis), settings, seconds=seconds, count=count, payload=payload, seed=seed,
+            answer, settings, seconds=seconds, count=count, payload=payload, seed=seed,
             report=status.update,
         )  # fmt: skip
         write_proposal(to, found)
@@ -63,8 +68,10 @@ def next_experiment(
 
 
 def _ride(diagnosis: Path, rig: BicycleFile, name: str, to: Path, seed: int, as_json: bool) -> None:
+    answer = read_answer_file(diagnosis)
+    make_ready_anew(to, *ride_folders(to, read_candidates(answer, rig)[0]))
     with err.status("riding") as status:
-        found = propose_ride(read_answer_file(diagnosis), rig, seed=seed, report=status.update)
+        found = propose_ride(answer, rig, seed=seed, report=status.update)
         folders = write_ride_proposal(to, found, seed)
     if as_json:
         simulated = [str(f) for f in folders]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from hil.cli.console import err
-from hil.errors import RunError
+from hil.errors import HilError, RunError
 
 Write = Callable[[Path], object]
 JsonFile = Annotated[
@@ -59,9 +59,14 @@ class Outputs:
 
 def make_ready(*paths: Path | None) -> None:
     """Make the folders that `paths` lie in; RunError names each path that cannot be written."""
-    faults = [f for path in paths if path is not None if (f := _fault(path))]
-    if faults:
-        raise RunError("\n".join(faults))
+    _refuse([f for path in paths if path is not None if (f := _fault(path))])
+
+
+def make_ready_anew(*paths: Path | None) -> None:
+    """As `make_ready`, for what never overwrites: RunError also names each path where something stands."""
+    wanted = [path for path in paths if path is not None]
+    there = [f"{p}: exists already; name another file with --out" for p in wanted if p.exists()]
+    _refuse(there or [f for p in wanted if (f := _fault(p))])
 
 
 def write_all(writes: Mapping[Path, Write]) -> None:
@@ -72,8 +77,12 @@ def write_all(writes: Mapping[Path, Write]) -> None:
             write(path)
         except OSError as error:
             faults.append(f"{path}: cannot be written: {error.strerror}")
-        except RunError as error:
+        except HilError as error:
             faults.append(str(error))
+    _refuse(faults)
+
+
+def _refuse(faults: Sequence[str]) -> None:
     if faults:
         raise RunError("\n".join(faults))
 

@@ -20,6 +20,7 @@ import pandas as pd
 
 from hil.control.trajectory import CueTrajectory
 from hil.errors import RunError
+from hil.files import write_whole
 from hil.runs.csvfile import csv_table
 from hil.runs.table import check_increasing, finite_numbers
 
@@ -45,7 +46,7 @@ def write_cue_file(
     table = pd.DataFrame(trajectory.poses, columns=list(trajectory.coordinates))
     table.insert(0, "t", trajectory.t_s)
     try:
-        path.write_text(head + table.to_csv(index=False, float_format="%.9g"), encoding="utf-8")
+        write_whole(path, head + table.to_csv(index=False, float_format="%.9g"))
     except OSError as error:
         raise RunError(f"{path}: cannot be written: {error.strerror}") from error
 

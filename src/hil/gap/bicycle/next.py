@@ -8,6 +8,7 @@ where it stands above noise and what a healthy bicycle is off its file by.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ from hil.bicycle.simulated import save
 from hil.blas import one_blas_thread
 from hil.config import BicycleFile
 from hil.errors import IdentificationError, KinematicsError, RunError
+from hil.files import write_whole
 from hil.gap.bicycle.locate import NARROW
 from hil.gap.bicycle.noise import ride_noise, tempered, with_tolerances
 from hil.gap.bicycle.nuisances import ride_nuisances
@@ -164,8 +166,37 @@ def _noise(
 def write_ride_proposal(path: Path, proposal: RideProposal, seed: int = 0) -> list[Path]:
     """Write the instruction to `path` (TOML) and beside it a simulated ride for each candidate.
 
-    Returns the run folders. RunError where the disk refuses or a folder is there already.
+    Returns the run folders. RunError where the disk refuses or one of them is there already; then there is
+    none of them.
     """
+    if path.exists():
+        raise RunError(f"{path}: exists already; a proposal never overwrites")
+    m, folders = proposal.manoeuvre, ride_folders(path, proposal.candidates)
+    rides = [m.ride(_with(proposal.rig, c), seed) for c in proposal.candidates]
+    written: list[Path] = []
+    try:
+        for ride, folder, c in zip(rides, folders, proposal.candidates, strict=True):
+            written.append(save(ride, folder, f"simulated: {m.name} with {c.name}"))
+        _write_instruction(path, proposal, folders)
+    except BaseException:
+        for folder in written:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return folders
+
+
+def ride_folders(path: Path, candidates: Sequence[Candidate]) -> list[Path]:
+    """Where the simulated ride of each candidate goes, beside the instruction at `path`.
+
+    RunError where that is no .toml.
+    """
+    if path.suffix != ".toml":
+        raise RunError(f"{path}: an instruction is a .toml file, with simulated rides beside it")
+    names = (f"{path.stem}_{c.location}_{c.effect}".replace(".", "_") for c in candidates)
+    return [path.with_name(name) for name in names]
+
+
+def _write_instruction(path: Path, proposal: RideProposal, folders: Sequence[Path]) -> None:
     doc = tomlkit.document()
     doc.add(tomlkit.comment("What to ride next, by hil gap next."))
     m = proposal.manoeuvre
@@ -175,17 +206,11 @@ def write_ride_proposal(path: Path, proposal: RideProposal, seed: int = 0) -> li
             "instruction": m.instruction, "cruise": m.cruise, "turning": m.turning, "vigour": m.vigour,
         }
     )  # fmt: skip
-    folders = []
-    for c in proposal.candidates:
-        folder = path.with_name(f"{path.stem}_{c.location}_{c.effect}".replace(".", "_"))
-        save(m.ride(_with(proposal.rig, c), seed), folder, f"simulated: {m.name} with {c.name}")
-        folders.append(folder)
     doc["simulated"] = {c.name: f.name for c, f in zip(proposal.candidates, folders, strict=True)}
     try:
-        path.write_text(tomlkit.dumps(doc), encoding="utf-8")
+        write_whole(path, tomlkit.dumps(doc))
     except OSError as error:
         raise RunError(f"{path}: cannot be written: {error.strerror}") from error
-    return folders
 
 
 def _with(rig: BicycleFile, c: Candidate) -> BicycleFile:

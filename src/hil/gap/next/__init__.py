@@ -8,7 +8,7 @@ from hil.gap.next.candidates import Candidate, read_candidates
 from hil.gap.next.propose import Proposal, next_experiment, propose
 from hil.gap.next.score import Split, split_of
 from hil.gap.next.sketches import Sketch, draw_sketches, generic_multisine
-from hil.gap.next.write import write_proposal
+from hil.gap.next.write import motion_beside, write_proposal
 
 __all__ = [
     "Candidate",
@@ -17,6 +17,7 @@ __all__ = [
     "Split",
     "draw_sketches",
     "generic_multisine",
+    "motion_beside",
     "next_experiment",
     "propose",
     "read_candidates",
