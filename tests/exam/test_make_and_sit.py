@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from hil.configfile import load_rig
 from hil.errors import ConfigError, RunError
 from hil.exam import Order, Sitting, load_case, make_exam, mark_exam, seal, sit_exam
 from hil.exam.baselines import sit_baseline
-from hil.exam.case import case_folders, read_answer
+from hil.exam.case import case_folders, read_answer, write_case
 from hil.exam.make import make_case
 from hil.exam.menu import OF_LOOPS, effects_of, possible
 from hil.exam.odd import outside_of
@@ -273,10 +274,81 @@ def test_a_file_in_the_place_of_a_folder_for_answers_is_named(
 
 
 def test_making_an_exam_goes_on_where_it_stopped(exam: Path) -> None:
-    words = ["make", "--out", str(exam), "--cases", "1", "--rigs", "axis", "--seed", "3000"]
+    words = ["make", "--out", str(exam), "--cases", "1", "--rigs", "axis", "--seed", "3000",
+             "--severity", "3", "--kinds", "single", "--effects", "coulomb_friction"]  # fmt: skip
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.exception
     assert "is there already" in done.stderr
+
+
+def copied(exam: Path, to: Path) -> Path:
+    shutil.copytree(exam, to)
+    return to
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({"severities": (10.0,)}, r"severities \[3\.0\]"),
+        (
+            {"kinds": ("none",), "effects": ()},
+            r"kinds \['single'\], effects \['coulomb_friction'\]",
+        ),
+        ({"mode": "force"}, "mode position"),
+    ],
+)
+def test_a_folder_holds_cases_made_with_the_same_options(
+    exam: Path, other: dict[str, Any], said: str
+) -> None:
+    for seed in (ORDER.seed, ORDER.seed + 5):
+        with pytest.raises(ConfigError, match=rf"made with other options \({said}\)"):
+            make_exam(replace(ORDER, seed=seed, **other), 2, exam, jobs=1)
+
+
+def test_a_folder_that_does_not_say_its_options_goes_on(exam: Path, tmp_path: Path) -> None:
+    old = copied(exam, tmp_path / "old")
+    for path in old.glob("answers/*/answer.json"):
+        answer = read_answer(path)
+        del answer["made_with"]["options"]
+        path.write_text(json.dumps(answer))
+    said: list[str] = []
+    make_exam(ORDER, 2, old, jobs=1, on_done=lambda case, text: said.append(text))
+    assert said == ["is there already"] * 2
+
+
+@pytest.mark.parametrize("lacking", ["cases/{}/rig.toml", "answers/{}/answer.json"])
+def test_a_case_that_lacks_something_is_named_and_nothing_is_made(
+    exam: Path, tmp_path: Path, lacking: str
+) -> None:
+    half, case = copied(exam, tmp_path / "half"), ORDER.case_id(1)
+    (half / lacking.format(case)).unlink()
+    before = {p: p.read_bytes() for p in half.rglob("*") if p.is_file()}
+    with pytest.raises(RunError, match=rf"{case}.*, and the case is made anew"):
+        make_exam(ORDER, 3, half, jobs=1)
+    assert before == {p: p.read_bytes() for p in half.rglob("*") if p.is_file()}
+
+
+def test_no_answer_is_changed_where_its_case_cannot_be_written(
+    exam: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    half, case = copied(exam, tmp_path / "half"), ORDER.case_id(0)
+    answer = half / "answers" / case / "answer.json"
+    before = answer.read_bytes()
+    tables = [(r.table, "diagnose", None) for r in load_case(half / "cases" / case).runs]
+    other = {"verdict": "no_gap", "effects": []}
+    rig = load_rig("axis")
+    with pytest.raises(RunError, match=f"{case}: cannot be written: .* exists already"):
+        write_case(case, rig, tables, other, 0, half)
+    shutil.rmtree(half / "cases" / case)
+
+    def full(table: Any, path: Path, **how: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pandas.DataFrame.to_parquet", full)
+    with pytest.raises(RunError, match=f"{case}: cannot be written: No space left on device"):
+        write_case(case, rig, tables, other, 0, half)
+    assert answer.read_bytes() == before
+    assert [p.name for p in (half / "cases").iterdir()] == [ORDER.case_id(1)]
 
 
 def test_the_command_line_teaches_and_marks(exam: Path, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -21,6 +20,7 @@ from hil.config import AnyRig, Effect
 from hil.configfile import parse_any_rig, read_toml, rig_toml
 from hil.errors import ConfigError, RunError
 from hil.exam.world import Outside
+from hil.files import whole_folder, write_whole
 from hil.runs import Run, load_run
 from hil.runs.folder import RUN_TOML, Payload, RunMeta, read_meta, run_mode, write_meta
 from hil.runs.jsonfile import read_json
@@ -116,10 +116,31 @@ def write_case(
     number: int,
     out: Path,
 ) -> None:
-    """Write case `number` and seal its answer; `tables`: each run's table, role and payload."""
-    fresh = out / "cases" / f".{case}"
-    shutil.rmtree(fresh, ignore_errors=True)
-    fresh.mkdir(parents=True)
+    """Write case `number` and seal its answer; `tables`: each run's table, role and payload.
+
+    RunError where the disk refuses or the case is there already: then it is not made, and an answer that
+    is there stays.
+    """
+    folder = out / "cases" / case
+    try:
+        with whole_folder(folder) as fresh:
+            _write_runs(fresh, rig, tables, answer, number)
+            text = rig_toml(rig, "the nominal rig of an exam case")
+            (fresh / RIG).write_text(text, encoding="utf-8")
+            kept = out / "answers" / case
+            kept.mkdir(parents=True, exist_ok=True)
+            write_whole(kept / ANSWER, json.dumps(answer, indent=1, ensure_ascii=False) + "\n")
+    except OSError as error:
+        raise RunError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
+def _write_runs(
+    fresh: Path,
+    rig: AnyRig,
+    tables: Sequence[tuple[Any, str, Payload | None]],
+    answer: dict[str, Any],
+    number: int,
+) -> None:
     for k, (table, role, payload) in enumerate(tables, start=1):
         folder = fresh / f"run{k}"
         folder.mkdir()
@@ -135,10 +156,3 @@ def write_case(
         )
         write_meta(folder, meta)
         table.to_parquet(folder / "signals.parquet", index=False, compression="zstd")
-    (fresh / RIG).write_text(rig_toml(rig, "the nominal rig of an exam case"), encoding="utf-8")
-    kept = out / "answers" / case
-    kept.mkdir(parents=True, exist_ok=True)
-    (kept / ANSWER).write_text(
-        json.dumps(answer, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-    )
-    fresh.replace(out / "cases" / case)

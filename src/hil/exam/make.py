@@ -1,4 +1,4 @@
-"""Draws and records exam cases; each is made from its seed and number alone, so any order gives the same."""
+"""Draws and records exam cases; each is made from the order and its number alone, whichever come first."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from hil.config import Effect, RigFile
-from hil.errors import ConfigError, LimitViolation
-from hil.exam.case import ANSWER, RIG, answer_of, write_case
+from hil.errors import ConfigError, LimitViolation, RunError
+from hil.exam.case import ANSWER, RIG, answer_of, read_answer, write_case
 from hil.exam.excite import FAMILIES, draw_motion
 from hil.exam.menu import Recipe, draw_recipe, effects_of, possible
 from hil.exam.odd import draw_outside, outside_of
@@ -21,6 +21,7 @@ from hil.exam.rigs import RIDDEN, RIGS, draw_rig
 from hil.exam.severity import Bench, Solved, effect_of, solve_size
 from hil.exam.world import OUTSIDE, Outside, Scatter, build_world, play
 from hil.exam.world.play import WorldError
+from hil.files import is_taken
 from hil.runs.folder import Payload
 from hil.workers import worker_pool
 
@@ -40,20 +41,25 @@ def make_exam(
     jobs: int = 2,
     on_done: Callable[[str, str], None] = lambda case, text: None,
 ) -> None:
-    """Make cases 0 .. count - 1 below `out`; those that are there already stay as they are."""
+    """Make cases 0 .. count - 1 below `out`; those that are there already stay as they are.
+
+    ConfigError where cases there were made with other options, RunError where one there lacks its answer or
+    rig file, or cannot be written.
+    """
     offered = {*OUTSIDE, *RIDE_EFFECTS, *RIDE_OUTSIDE, *(e for rig in RIGS for e in possible(rig))}
     strange = [e for e in order.effects if e not in offered]
     if strange:
         raise ConfigError(
             f"no exam case can hold {', '.join(strange)}; choose of {', '.join(sorted(offered))}"
         )
-    todo = []
-    for number in range(count):
-        case = order.case_id(number)
-        if (out / "cases" / case / RIG).is_file() and (out / "answers" / case / ANSWER).is_file():
-            on_done(case, "is there already")
-        else:
-            todo.append(number)
+    _check_options(order, out)
+    there = [n for n in range(count) if is_taken(out / "cases" / order.case_id(n))]
+    faults = [fault for n in there if (fault := _lacking(out, order.case_id(n)))]
+    if faults:
+        raise RunError("\n".join(faults))
+    for number in there:
+        on_done(order.case_id(number), "is there already")
+    todo = sorted(set(range(count)) - set(there))
     if jobs <= 1 or len(todo) < 2:
         for number in todo:
             on_done(order.case_id(number), make_case(order, number, out))
@@ -62,6 +68,31 @@ def make_exam(
         waiting = {pool.submit(make_case, order, n, out): n for n in todo}
         for done in as_completed(waiting):
             on_done(order.case_id(waiting[done]), done.result())
+
+
+def _check_options(order: Order, out: Path) -> None:
+    """ConfigError where a case below `out` was made with other options; not all answers say with which."""
+    for path in sorted((out / "answers").glob(f"*/{ANSWER}")):
+        made = read_answer(path).get("made_with")
+        told = made.get("options") if isinstance(made, dict) else None
+        if told is not None and told != order.options:
+            other = [
+                f"{key} {told.get(key)}" for key, x in order.options.items() if told.get(key) != x
+            ]
+            raise ConfigError(
+                f"{path}: was made with other options ({', '.join(other)}); one folder holds one exam: name "
+                "another with --out"
+            )
+
+
+def _lacking(out: Path, case: str) -> str:
+    """What the case that is there lacks, and what to do; "" where nothing."""
+    folder, answer = out / "cases" / case, out / "answers" / case / ANSWER
+    if not (folder / RIG).is_file():
+        return f"{folder}: has no {RIG}; delete the folder, and the case is made anew"
+    if not answer.is_file():
+        return f"{answer}: is missing; put it back, or delete {folder}, and the case is made anew"
+    return ""
 
 
 def make_case(order: Order, number: int, out: Path) -> str:
@@ -168,7 +199,7 @@ def _make(
         "traces": [{n: round(x, 3) for n, x in s.traces.items() if x > 0.3} for s in solved],
         "families": families,
         "scatter_seed": scatter.seed,
-        "made_with": {"seed": order.seed, "number": number},
+        "made_with": order.made_with(number),
     }
     write_case(order.case_id(number), rig, tables, answer, number, out)
     seconds = sum(m.duration_s for m in motions)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from hil.errors import ConfigError
 from hil.exam.rigs import ALL, RIDDEN, RIGS
@@ -42,6 +42,20 @@ class Order:
             raise ConfigError(f"a {RIDDEN} has no drives that could be told forces")
         if not self.rigs or not self.kinds or not all(s > 0.0 for s in self.severities):
             raise ConfigError("exam cases need a rig, a kind and severities above 0")
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What a case depends on beside rig, seed and number, which are in its name."""
+        return {
+            "severities": list(self.severities),
+            "kinds": list(self.kinds),
+            "effects": sorted(self.effects),
+            "mode": self.mode,
+        }
+
+    def made_with(self, number: int) -> dict[str, Any]:
+        """All that case `number` is made of, for its answer."""
+        return {"seed": self.seed, "number": number, "options": self.options}
 
     def severity_of(self, reached: float) -> float:
         """The largest severity that an effect reaches: one that cannot be small stands higher."""

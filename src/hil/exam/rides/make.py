@@ -69,7 +69,7 @@ def make_ride(
         "traces": [{n: round(x, 3) for n, x in s.traces.items() if x > 0.3} for s in solved],
         "families": [way.name for way in ways],
         "scatter_seed": scatter,
-        "made_with": {"seed": order.seed, "number": number},
+        "made_with": order.made_with(number),
     }
     write_case(order.case_id(number), rig, tables, answer, number, out)
     return f"{len(tables)} rides"
