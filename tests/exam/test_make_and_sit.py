@@ -197,6 +197,49 @@ def test_a_sitting_goes_on_where_it_stopped(exam: Path, tmp_path: Path) -> None:
     assert json.loads((tmp_path / f"{names[0]}.json").read_text()) == {"verdict": "no_gap"}
 
 
+def test_a_folder_of_diagnoses_is_of_one_sitter(exam: Path, tmp_path: Path) -> None:
+    case = case_folders(exam)[0].name
+    sit_exam(exam, _seat(exam, tmp_path, baseline="random"), jobs=1, only=case)
+    before = (tmp_path / f"{case}.json").read_bytes()
+    others: list[tuple[dict[str, Any], str]] = [
+        ({"baseline": "oracle"}, "by random, not by oracle"),
+        ({}, "by random, not by diagnose"),
+        (
+            {"baseline": "random", "without": "auto"},
+            "with nothing withheld, not coulomb_friction",
+        ),
+        (
+            {"baseline": "random", "without": ("backlash",)},
+            "with nothing withheld, not backlash",
+        ),
+    ]
+    for other, said in others:
+        with pytest.raises(
+            ConfigError, match=rf"{case}\.json: was sat {said}\nname another folder"
+        ):
+            sit_exam(exam, _seat(exam, tmp_path, **other), jobs=1)
+    assert [p.read_bytes() for p in tmp_path.iterdir()] == [before]
+
+
+@pytest.mark.parametrize("broken", ["", "{", "[]", '{"effects": []}'])
+def test_a_file_that_is_no_diagnosis_is_sat_again(exam: Path, tmp_path: Path, broken: str) -> None:
+    case = case_folders(exam)[0].name
+    (tmp_path / f"{case}.json").write_text(broken)
+    said: list[str] = []
+    seat = _seat(exam, tmp_path, baseline="random")
+    sit_exam(exam, seat, jobs=1, only=case, on_done=lambda case, text: said.append(text))
+    assert [text[text.index("(") :] for text in said] == ["(sat again: its file was no diagnosis)"]
+    assert "verdict" in json.loads((tmp_path / f"{case}.json").read_text())
+
+
+def test_a_sitting_says_what_is_there_already(exam: Path, tmp_path: Path) -> None:
+    words = ["sit", str(exam), "--out", str(tmp_path), "--baseline", "random", "--jobs", "1"]
+    for told in (1, 2):
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 0, done.exception
+        assert ("2 of 2 have a diagnosis in" in done.stderr) == (told == 2)
+
+
 def test_a_case_that_fails_or_takes_too_long_is_kept_as_an_error(
     exam: Path, tmp_path: Path
 ) -> None:

@@ -139,7 +139,8 @@ def sit(
     """Diagnose each case from its run folders and its rig.toml alone.
 
     Cases that have a diagnosis in --out are left alone: interrupt and go on as you like, delete a file to sit
-    its case again. A case that fails gets a diagnosis with the verdict "error".
+    its case again. One folder is for one sitter: another baseline, or other effects withheld, go to another.
+    A case that fails gets a diagnosis with the verdict "error".
     """
     make_ready(to / "CASE.json")
     knows = baseline is Baseline.oracle or without == "auto"
@@ -154,7 +155,13 @@ def sit(
         limit,
     )
     show = Progress(0)
-    sit_exam(cases, sitting, only=only, jobs=jobs, on_done=show.done, on_count=show.expect)
+
+    def expect(todo: int, there: int) -> None:
+        show.expect(todo)
+        if there:
+            err.print(f"{there} of {todo + there} have a diagnosis in {to} already", soft_wrap=True)
+
+    sit_exam(cases, sitting, only=only, jobs=jobs, on_done=show.done, on_count=expect)
 
 
 @app.command()

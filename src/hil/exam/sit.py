@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -24,6 +23,7 @@ from hil.effectlines import effect_names
 from hil.errors import ConfigError, HilError, RunError
 from hil.exam.case import ANSWER, Case, case_folders, load_case, name_pattern, read_answer, seals_of
 from hil.exam.rigs import ALL
+from hil.files import write_whole
 from hil.workers import worker_pool
 
 Baseline = Literal["random", "best-training", "naive-bic", "oracle"]
@@ -42,6 +42,11 @@ class Sitting:
     """Effects withheld from the diagnosis; "auto": each case's own."""
     limit_s: float = LIMIT_S
 
+    @property
+    def sat_by(self) -> str:
+        """Who sits, as each diagnosis says."""
+        return self.baseline or "diagnose"
+
     def file(self, case: str) -> Path:
         """Where the diagnosis of a case is kept."""
         return self.out / f"{case}.json"
@@ -54,12 +59,13 @@ def sit_exam(
     only: str = "",
     jobs: int = 2,
     on_done: Callable[[str, str], None] = lambda case, text: None,
-    on_count: Callable[[int], None] = lambda total: None,
+    on_count: Callable[[int, int], None] = lambda todo, there: None,
 ) -> None:
     """Diagnose every case below `cases` whose name matches `only`; those that have a diagnosis are left.
 
     A case that fails, or whose process dies, gets a diagnosis with the verdict "error" and the reason; a
-    sitting that is interrupted goes on where it stopped.
+    sitting that is interrupted goes on where it stopped. A file that is no diagnosis does not count.
+    ConfigError where a diagnosis that is there was sat by another, or knowing other effects.
     """
     pattern = name_pattern(only)
     folders = [f for f in case_folders(cases) if pattern.search(f.name)]
@@ -74,15 +80,61 @@ def sit_exam(
     if sitting.without != "auto":
         _check_effects(sitting.without)
     sitting.out.mkdir(parents=True, exist_ok=True)
-    todo = [f for f in folders if not sitting.file(f.name).is_file()]
-    on_count(len(todo))
-    if jobs <= 1:
-        for folder in todo:
-            on_done(folder.name, sit_case(folder, sitting))
-        return
-    with closing(_in_processes(todo, sitting, jobs)) as sat:
+    kept = {f: _kept(sitting.file(f.name)) for f in folders}
+    foreign = [why for f, said in kept.items() if said and (why := _foreign(f, said, sitting))]
+    if foreign:
+        raise ConfigError(
+            "\n".join(foreign)
+            + "\nname another folder with --out, or delete those files to sit them again"
+        )
+    todo = [f for f, said in kept.items() if said is None]
+    again = {f for f in todo if sitting.file(f.name).is_file()}
+    on_count(len(todo), len(folders) - len(todo))
+    with closing(_sat(todo, sitting, jobs)) as sat:
         for folder, text in sat:
-            on_done(folder.name, text)
+            told = f"{text} (sat again: its file was no diagnosis)" if folder in again else text
+            on_done(folder.name, told)
+
+
+def _kept(file: Path) -> dict[str, Any] | None:
+    """The diagnosis in a file; None where there is none."""
+    try:
+        said = json.loads(file.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return None
+    except OSError as error:
+        raise RunError(f"{file}: cannot be read: {error.strerror}") from error
+    return said if isinstance(said, dict) and "verdict" in said else None
+
+
+def _foreign(folder: Path, said: dict[str, Any], sitting: Sitting) -> str:
+    """Why the diagnosis that is kept is not one of this sitting; "" where it is, or does not say."""
+    note = said.get("exam")
+    note = note if isinstance(note, dict) else {}
+    file = sitting.file(folder.name)
+    by = note.get("sat_by", sitting.sat_by)
+    if by != sitting.sat_by:
+        return f"{file}: was sat by {by}, not by {sitting.sat_by}"
+    if "without" not in note:
+        return ""
+    try:
+        without = _withheld(folder, sitting)
+    except HilError:  # sitting the case says so
+        return ""
+    if set(note["without"]) != set(without):
+        known, asked = (", ".join(sorted(w)) or "nothing" for w in (note["without"], without))
+        return f"{file}: was sat with {known} withheld, not {asked}"
+    return ""
+
+
+def _sat(
+    folders: Sequence[Path], sitting: Sitting, jobs: int
+) -> Generator[tuple[Path, str], None, None]:
+    if jobs > 1:
+        yield from _in_processes(folders, sitting, jobs)
+        return
+    for folder in folders:
+        yield folder, sit_case(folder, sitting)
 
 
 def _check_effects(names: Sequence[str]) -> None:
@@ -98,7 +150,7 @@ def _check_effects(names: Sequence[str]) -> None:
 def sit_case(folder: Path, sitting: Sitting) -> str:
     """Diagnose one case and write the file; returns a line about it."""
     started_s = time.perf_counter()
-    note: dict[str, Any] = {"sat_by": sitting.baseline or "diagnose", "hil": __version__}
+    note: dict[str, Any] = {"sat_by": sitting.sat_by, "hil": __version__}
     try:
         case = load_case(folder)
         note["seals"] = sorted(seals_of(folder))
@@ -157,12 +209,12 @@ def _failed(why: str) -> dict[str, Any]:
 
 
 def _write(case: str, sitting: Sitting, said: dict[str, Any], note: dict[str, Any]) -> None:
-    fresh = sitting.out / f".{case}.{os.getpid()}"
-    fresh.write_text(
-        json.dumps({**said, "exam": note}, indent=1, ensure_ascii=False, default=_plain) + "\n",
-        encoding="utf-8",
-    )
-    fresh.replace(sitting.file(case))
+    text = json.dumps({**said, "exam": note}, indent=1, ensure_ascii=False, default=_plain)
+    file = sitting.file(case)
+    try:
+        write_whole(file, text + "\n")
+    except OSError as error:
+        raise RunError(f"{file}: cannot be written: {error.strerror}") from error
 
 
 def _plain(value: Any) -> Any:
@@ -203,7 +255,7 @@ def _in_processes(
                 folder.name,
                 sitting,
                 _failed("its process died"),
-                {"sat_by": sitting.baseline or "diagnose"},
+                {"sat_by": sitting.sat_by},
             )
             yield folder, "error: its process died"
 
