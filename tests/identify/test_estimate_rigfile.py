@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from hil.cli.app import app
 from hil.configfile import data_folder, load_rig, rig_toml, write_rig_file
-from hil.errors import ConfigError, IdentificationError
+from hil.errors import ConfigError, IdentificationError, RunError
 from hil.identify.estimate.result import Estimate, Identification
 from hil.identify.estimate.rigfile import updated_rig_text
 from hil.runs.folder import RunMeta, write_meta
@@ -103,7 +103,9 @@ def test_a_file_that_stands_there_is_left_alone(tmp_path: Path) -> None:
     assert path.read_text() == "mine"
 
 
-def test_the_command_fits_writes_and_shows(tmp_path: Path) -> None:
+@pytest.fixture
+def played(tmp_path: Path) -> Path:
+    """A run of the axis with a load of 104 kg."""
     rig = load_rig("axis")
     run = as_run(play(rig, multisine(rig, 6.0, 1, 3.0), truth={"mass.m": 104.0}), rig)
     folder = tmp_path / "run"
@@ -111,10 +113,30 @@ def test_the_command_fits_writes_and_shows(tmp_path: Path) -> None:
     write_meta(folder, RunMeta(rig="axis"))
     (folder / "rig.toml").write_text(rig_toml(rig))
     run.table.to_parquet(folder / "signals.parquet")
+    return folder
+
+
+def test_a_page_that_fails_costs_neither_the_rig_file_nor_the_answer(
+    played: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*given: object) -> None:
+        raise IdentificationError("fit.html: cannot be written: No space left on device")
+
+    monkeypatch.setattr("hil.cli.identify.fit_page", full)
+    new, page = tmp_path / "new.toml", tmp_path / "fit.html"
+    words = ["identify", str(played), "--rig", "axis", "--out", str(new), "--page", str(page)]
+    answer = CliRunner().invoke(app, words)
+    assert isinstance(answer.exception, RunError)
+    assert "No space left" in str(answer.exception)
+    assert "mass.m" in answer.stdout
+    assert load_rig(new).mass.m == pytest.approx(104.0, rel=0.03)
+
+
+def test_the_command_fits_writes_and_shows(played: Path, tmp_path: Path) -> None:
     new, page = tmp_path / "new.toml", tmp_path / "fit.html"
     arguments = [
         "identify",
-        str(folder),
+        str(played),
         "--rig",
         "axis",
         "--out",

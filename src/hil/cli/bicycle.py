@@ -21,6 +21,7 @@ from hil.cli.bicycle_record import (
 )
 from hil.cli.bicycle_weave import weave_command
 from hil.cli.console import JsonFlag, err, out, write_json
+from hil.cli.outputs import make_ready
 from hil.config import BicycleFile
 from hil.configfile import find_rig_file, load_bicycle
 from hil.effectlines import checked
@@ -141,6 +142,7 @@ def analyse_command(
     json: JsonFlag = False,
 ) -> None:
     """Compute a ride from lean, wheel and steer: path, torques, forces, and the IMU beside the model."""
+    make_ready(report)
     analysis = analyse(ride_of(run, rig))
     if json:
         write_json(analysis.numbers())

@@ -24,9 +24,9 @@ from hil.bus.hub import Hub
 from hil.bus.port import BusPort, open_port
 from hil.cli.console import err, out
 from hil.cli.options import CanOption, RunsOption
-from hil.configfile import load_bicycle, rig_toml
+from hil.cli.outputs import make_ready_anew
+from hil.configfile import load_bicycle, rig_toml, write_rig_file
 from hil.drives.bicycle_nodes import Button, encode_button
-from hil.errors import RunError
 from hil.runs import load_run
 
 RigName = Annotated[str, typer.Argument(metavar="RIG", help="The bicycle's file, or its name.")]
@@ -151,6 +151,7 @@ def calibrate_command(
     out_file: Annotated[Path, typer.Option("--out", help="The calibrated rig file to write.")],
 ) -> None:
     """Set zeros, biases, scales and mounting from static poses, and write the bicycle's file anew."""
+    make_ready_anew(out_file)
     bicycle = load_bicycle(rig)
     found = calibrate([load_run(path, bicycle) for path in runs], bicycle)
     table = Table("pose", "lean", "steer", "gravity, m/s²")
@@ -174,11 +175,7 @@ def calibrate_command(
         style = "yellow" if note.startswith("warning") else ""
         out.print(note, style=style, soft_wrap=True)
     out.print(f"gravity is met within {found.residual:.4f} m/s² over {len(found.poses)} poses")
-    text = rig_toml(found.applied(bicycle), s.provenance)
-    try:
-        out_file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RunError(f"{out_file}: cannot be written: {error.strerror}") from error
+    write_rig_file(out_file, rig_toml(found.applied(bicycle), s.provenance))
     err.print(f"{out_file} written", soft_wrap=True)
 
 

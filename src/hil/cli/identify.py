@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 
 from hil.cli import identify_frequency
 from hil.cli.console import JsonFlag, err, out, write_json
+from hil.cli.outputs import Write, make_ready, make_ready_anew, write_all
 from hil.configfile import find_rig_file, load_rig, toml_text, write_rig_file
 from hil.effectlines import checked
 from hil.identify.estimate import (
@@ -118,6 +119,8 @@ def fit(
     json: JsonFlag = False,
 ) -> None:
     """Identify mass, inertia and friction from one or more runs. Exit 1 if the data tell nothing."""
+    make_ready(page)
+    make_ready_anew(write)
     settings = checked(load_rig(rig), rig)
     loaded = [load_run(path, settings) for path in runs]
     if method in (Method.twin, Method.grid):
@@ -138,16 +141,22 @@ def fit(
             cutoff_hz=cutoff,
         )
         outcome = identify(loaded, settings, options)
-    _show(outcome, json=json)
+    result, writes = outcome.identification, dict[Path, Write]()
     if page is not None:
-        fit_page(outcome.identification, outcome.curves, page)
-        err.print(f"page: {page}", soft_wrap=True)
+        writes[page] = lambda path: fit_page(result, outcome.curves, path)
     if write is not None:
         when = f"{datetime.now(UTC):%Y-%m-%d}"
         text = toml_text(find_rig_file(rig))
-        write_rig_file(write, updated_rig_text(text, outcome.identification, when))
+        writes[write] = lambda path: write_rig_file(path, updated_rig_text(text, result, when))
+    try:
+        write_all(writes)
+    finally:
+        _show(outcome, json=json)
+    if page is not None:
+        err.print(f"page: {page}", soft_wrap=True)
+    if write is not None:
         err.print(f"rig file: {write}", soft_wrap=True)
-    if not any(e.identifiable for e in outcome.identification.estimates):
+    if not any(e.identifiable for e in result.estimates):
         raise typer.Exit(1)
 
 

@@ -12,6 +12,7 @@ import typer
 from rich.table import Table
 
 from hil.cli.console import JsonFlag, out, write_json
+from hil.cli.outputs import make_ready
 from hil.configfile import load_rig
 from hil.effectlines import checked
 from hil.identify.frequency.agard import AgardAnalysis, agard
@@ -79,6 +80,7 @@ def frf(
 
     Several runs are realisations of one multisine with other phases: nonlinearity is then told from noise.
     """
+    make_ready(report)
     rig_file = checked(load_rig(rig), rig)
     analysis = analyse(
         [load_run(run, rig_file) for run in runs],
@@ -99,11 +101,11 @@ def frf(
 
 
 def agard_command(
+    rig: RigOption,
     runs: Annotated[
         list[Path] | None,
         typer.Argument(metavar="[RUN...]", help="Runs of sinusoids or acceleration steps."),
     ] = None,
-    rig: RigOption = "",
     json: JsonFlag = False,
     report: ReportOption = None,
 ) -> None:
@@ -112,6 +114,7 @@ def agard_command(
     Each run is a sinusoid (hil experiment RIG heave) or steps of acceleration (hil identify agard-steps) of
     one coordinate. Without runs: the rig's excursion limits.
     """
+    make_ready(report)
     rig_file = checked(load_rig(rig), rig)
     analysis = agard([load_run(run, rig_file) for run in runs or []], rig_file)
     if report is not None:

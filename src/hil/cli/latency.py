@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from hil.cli.console import JsonFlag, err, out, write_json
+from hil.cli.outputs import make_ready
 from hil.configfile import load_rig
 from hil.daemon.latency import BANDS_US, Latency, measure_latency
 from hil.ui.latency_report import BAND_NAMES, figures, latency_report
@@ -41,6 +42,7 @@ def latency(
     Real-time rights are asked for as the daemon does; what was granted is said. Measure under the load
     that the PC will have. Exit code 1 if cycles were missed.
     """
+    make_ready(html)
     settings = load_rig(rig) if rig is not None else None
     cycle_s = cycle or (settings.bus.cycle if settings else 0.01)
     bitrate = settings.can.bitrate if settings else 500_000

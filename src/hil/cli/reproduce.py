@@ -12,6 +12,7 @@ from rich.status import Status
 
 from hil.cli.console import JsonFlag, err, out, write_json
 from hil.cli.options import profiles_of
+from hil.cli.outputs import make_ready
 from hil.configfile import load_rig
 from hil.ui.reproduce import FAST, FULL, Report, bicycle_report, motorcycle_report, stewart_report
 
@@ -68,6 +69,7 @@ def bicycle(
 ) -> None:
     """ "Validation of multibody modeling and simulation using an instrumented bicycle", section 8."""
     page = out_html or Path("reproduce_bicycle.html")
+    make_ready(page, runs and runs / "RUN")
     with (
         tempfile.TemporaryDirectory(prefix="hil-") as scratch,
         err.status("riding") as status,
@@ -86,6 +88,7 @@ def _reproduce(
 ) -> None:
     rig = load_rig(rig_name)
     page = out_html or Path(f"reproduce_{paper}.html")
+    make_ready(page, runs and runs / "RUN")
     with (
         tempfile.TemporaryDirectory(prefix="hil-") as scratch,
         err.status("playing the experiments") as status,
