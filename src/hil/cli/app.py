@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import signal
 import sys
+from typing import Final
 
 import typer
 
@@ -11,6 +14,9 @@ from hil import __version__
 from hil.cli.console import complain
 from hil.cli.lazy import LazyGroup
 from hil.errors import HilError
+
+UNTAKEN: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE})
+"""How writing to what is open already fails."""
 
 app = typer.Typer(
     name="hil",
@@ -35,13 +41,30 @@ def _version(
 def main() -> None:
     """Entry point: exit code 0 done, 1 done but the answer is no, 2 could not be done, 130 interrupted.
 
+    Also 1 where the output is not taken: a full disk behind stdout.
+
     SIGTERM interrupts as Ctrl-C does: what was begun is cleared away, what was finished stays.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        app()
+        _run()
     except HilError as error:
         complain(str(error))
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)
+    except OSError as error:
+        if error.errno not in UNTAKEN:
+            raise
+        if error.errno != errno.EPIPE:  # a reader who has seen enough
+            complain(f"the output cannot be written: {error.strerror}")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python's end flushes again
+        sys.exit(1)
+
+
+def _run() -> None:
+    try:
+        app()
+    except SystemExit:
+        sys.stdout.flush()
+        raise
