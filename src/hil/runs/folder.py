@@ -4,7 +4,7 @@ runs/20260131T120000Z_motorcycle/
     run.toml            format "hil-run/1": rig, mode, started, note, role, payload, [recording]
     rig.toml            the rig file as it was
     drives/             the drive files that it names, as they were
-    recording.mcap      or signals.parquet, or signals.csv: one of them
+    recording.mcap      or else signals.parquet or signals.csv (both: saying the same)
     journal.mcap        all that the control process was told and sent, to the bit, for `hil replay`
     can.log             raw bus log (candump; can.blf where the rig file asks for BLF)
     events.jsonl        one event a line

@@ -69,7 +69,8 @@ class Run:
 def load_run(path: str | Path, rig: AnyRig | None = None) -> Run:
     """Read the run at `path`: a run folder, or a recording.mcap.
 
-    A folder that holds more than one record is refused, unless its recording.mcap is named itself.
+    Of several records in one folder recording.mcap is the run; signals.parquet and signals.csv must say the
+    same.
     `rig`: the rig file to hold the run against, instead of the one kept with it. RunError where
     nothing can be read, or it is no run of this rig.
     """
@@ -80,33 +81,48 @@ def load_run(path: str | Path, rig: AnyRig | None = None) -> Run:
         raise RunError(f"{path}: no such run")
     if path.suffix == ".mcap":
         if (path.parent / RUN_TOML).is_file() and path.name == RECORDING:
-            return _load_folder(path.parent, rig, RECORDING)
+            return _load_folder(path.parent, rig)
         return _load_mcap(path, None, rig)
     raise RunError(f"{path}: is neither a run folder nor an .mcap file")
 
 
-def _load_folder(folder: Path, rig: AnyRig | None, name: str | None = None) -> Run:
-    """The run of the record `name` in `folder`, or of the only one there."""
+def _load_folder(folder: Path, rig: AnyRig | None) -> Run:
     meta = read_meta(folder)
     fitting = _fitting(rig, meta, folder) or read_any_rig(folder, meta)
-    name = name or _only_record(folder)
-    if name == RECORDING:
-        return _load_mcap(folder / name, meta, fitting)
-    table = check_table(_READERS[name](folder / name), str(folder / name), fitting)
+    if (folder / RECORDING).is_file():
+        return _load_mcap(folder / RECORDING, meta, fitting)
+    name, frame = _record(folder)
+    table = check_table(frame, str(folder / name), fitting)
     events = _read_events(folder / EVENTS, _start_s(meta))
     return _run(folder, meta, fitting, table, pd.DataFrame({"t": []}), events)
 
 
-def _only_record(folder: Path) -> str:
-    there = [name for name in (RECORDING, *_READERS) if (folder / name).is_file()]
+def _record(folder: Path) -> tuple[str, pd.DataFrame]:
+    """The table in `folder`, with the name of its file. RunError where there is none, or two that differ."""
+    there = {
+        name: read(folder / name) for name, read in _READERS.items() if (folder / name).is_file()
+    }
     if not there:
         raise RunError(f"{folder}: holds none of {', '.join((RECORDING, *_READERS))}")
-    if len(there) > 1:
-        raise RunError(
-            f"{folder}: holds {' and '.join(there)}, which need not say the same: keep the one that is the "
-            "run, and move what else there is out of the folder"
-        )
-    return there[0]
+    (name, first), *others = there.items()
+    for other, table in others:
+        if not _is_same(first, table):
+            raise RunError(
+                f"{folder}: {name} and {other} do not say the same: keep the one that is the run, and move "
+                "the other out of the folder"
+            )
+    return name, first
+
+
+def _is_same(a: pd.DataFrame, b: pd.DataFrame) -> bool:
+    """Whether two tables hold the same numbers, as far as text keeps them, whatever order columns are in."""
+    if set(a.columns) != set(b.columns) or len(a) != len(b):
+        return False
+    try:
+        pd.testing.assert_frame_equal(a, b[a.columns], check_dtype=False, rtol=1e-6, atol=1e-9)
+    except AssertionError:
+        return False
+    return True
 
 
 def _run(
