@@ -14,7 +14,7 @@ def habit(name):
     )
 
 
-RESTS, TAKES_TIME, WEIGHS = map(habit, ("rests", "takes time", "weighs"))
+MOUNT, TAKES_TIME, WEIGHS = map(habit, ("mount", "takes time", "weighs"))
 
 
 def taken(rig):
@@ -37,13 +37,13 @@ def test_habits_that_explain_better_are_looked_at_in_one_round(monkeypatch, stan
         looked.append(located)
         return taken(located)
 
-    monkeypatch.setattr(twins, "HABITS", (RESTS, TAKES_TIME, WEIGHS))
+    monkeypatch.setattr(twins, "mount_of", lambda located: MOUNT)
     monkeypatch.setattr(twins, "share_of", lambda habit, located: 1.0)
     monkeypatch.setattr(twins, "glimpsed", seen)
     monkeypatch.setattr(twins, "considered", whole)
     monkeypatch.setattr(twins, "explains_better", lambda c, fits, others: stands)
     mine = taken(())
-    found, habits = with_habits(SimpleNamespace(say=lambda text: None), mine)
-    assert looked == [("rests", "weighs")]
+    found, habits = with_habits(SimpleNamespace(say=lambda text: None), mine, (TAKES_TIME, WEIGHS))
+    assert looked == [("mount", "weighs")]
     assert (found is mine) is not stands
-    assert habits == ([(RESTS, 1.0), (WEIGHS, 1.0)] if stands else [])
+    assert habits == ([(MOUNT, 1.0), (WEIGHS, 1.0)] if stands else [])
