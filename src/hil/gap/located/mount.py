@@ -40,7 +40,8 @@ def mount_of(located: Located) -> Habit | None:
     rig = problem.rig
     if rig.imu is None or any(rig.imu.mount.frequency):
         return None
-    judged = [s for s in problem.signals if s in AXES]
+    told = {x.signal for x in problem.series if problem.kept[x.part].any()}
+    judged = [s for s in AXES if s in told]
     if not judged:
         return None
     vector = _bolted(located)
