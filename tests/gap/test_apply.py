@@ -268,3 +268,13 @@ def test_friction_that_is_found_and_applied_is_compensated(tmp_path):
     assert np.ptp(wanted) > 0.1
     assert before > 3e-4
     assert after < 0.3 * before
+
+
+def test_a_mount_on_which_an_imu_was_found_to_swing_is_in_the_file(tmp_path):
+    mount = {"frequency": [62.2813, 0.0, 0.0], "damping": 0.06}
+    said = {**answer(verdict="no_gap"), "findings": [told("imu.mount", mount)]}
+    text = applied_text(AXIS_FILE, said, when="x", source="d.json")
+    rounded = {"frequency": [62.3, 0.0, 0.0], "damping": 0.06}
+    assert read(text, tmp_path).imu.mount.model_dump(mode="json") == rounded
+    (line,) = [x for x in text.splitlines() if x.startswith("mount")]
+    assert "hil gap diagnose" in line

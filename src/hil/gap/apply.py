@@ -102,24 +102,31 @@ def _write_habit(doc: Any, rig: AnyRig, finding: Answer, origin: str) -> None:
     table, key = finding["subject"].split(".")
     owner, value = getattr(rig, table), finding["belongs"]
     if not isinstance(owner, tuple):
-        set_value(
-            doc.setdefault(table, tomlkit.table()),
-            key,
-            value,
-            f"was {getattr(owner, key)}; {origin}",
-        )
+        place = doc.setdefault(table, tomlkit.table())
+        set_value(place, key, _written(value), f"was {getattr(owner, key)}; {origin}")
         return
     for line, actuator, own in zip(doc[table], owner, value, strict=True):
         before = getattr(actuator, key)
         if isinstance(own, Mapping):
             if dict(own) != before.model_dump():
-                inline = tomlkit.inline_table()
-                inline.update(
-                    {k: x if isinstance(x, bool) else float(f"{x:.3g}") for k, x in own.items()}
-                )
-                set_value(line, key, inline, f"weighed nothing; {origin}")
+                set_value(line, key, _written(own), f"weighed nothing; {origin}")
         elif own != before:
             set_value(line, key, own, f"was {before}; {origin}")
+
+
+def _written(value: Any) -> Any:
+    """A value as a rig file has it: a table in one line, its numbers to three digits."""
+    if not isinstance(value, Mapping):
+        return value
+
+    def rounded(x: Any) -> Any:
+        if isinstance(x, list | tuple):
+            return [rounded(each) for each in x]
+        return x if isinstance(x, bool) else float(f"{x:.3g}")
+
+    inline = tomlkit.inline_table()
+    inline.update({key: rounded(x) for key, x in value.items()})
+    return inline
 
 
 def alarms(causes: Sequence[Answer]) -> list[str]:
