@@ -152,16 +152,22 @@ def is_finer(other: Located, located: Located) -> bool:
     """Whether forces of the same record have clearly less of a structure of their own beside another twin, in
     one stretch of it and on average of all: where ticks are not found they may have more. A drag that is
     larger than calibration lets it be has such a structure as well: some must go where that is free."""
-    less = np.subtract(_structure(located), _structure(other))
-    freed = np.subtract(_structure(located, _freed(located)), _structure(other, _freed(other)))
+    less, freed = np.subtract(_structure(located), _structure(other))
     return bool(less.max() > FINER and less.mean() > 0.0 and freed.mean() > SOME)
 
 
-def _structure(x: Located, more: Array | float = 0.0) -> list[float]:
-    """Log of the fine structure of forces in each stretch, beside a twin that is `more` (N,) than it is."""
+def _structure(x: Located) -> Array:
+    """(2, S) log of the fine structure of forces in each stretch, beside a twin as it was located and beside
+    one whose nuisances are free."""
     problem = x.evidence.problem
-    flat, names = problem.predict(x.evidence.vector)[0] + more, problem.rig.actuator_names
-    return [fmean(fineness(problem, k, a, flat) for a in names) for k in range(len(problem.pieces))]
+    flat, names = problem.predict(x.evidence.vector)[0], problem.rig.actuator_names
+    stretches = range(len(problem.pieces))
+    return np.array(
+        [
+            [fmean(fineness(problem, k, a, there) for a in names) for k in stretches]
+            for there in (flat, flat + _freed(x))
+        ]
+    )
 
 
 def _freed(x: Located) -> Array:
