@@ -28,6 +28,8 @@ from hil.sim.parameters import ParameterTable
 
 Array = NDArray[np.float64]
 
+UNMOVED: Final = ("imu.", "bicycle.lean_torque.", "bicycle.rider_motion.")
+"""How parameters begin that change what is told of a motion, not the motion."""
 SPRINGS: Final = ("bicycle.front_suspension.stiffness", "bicycle.tyre_compliance.stiffness")
 CREEP: Final = "rear_wheel.drive_slip.per_accel"
 ASIDE: Final = "rear_wheel.side_slip.per_accel"
@@ -50,6 +52,12 @@ class RideEffects:
         table = ParameterTable(rig)
         vector = table.from_effects(rig.effects).tolist()
         return cls(dict(zip((p.name for p in table.entries), vector, strict=True)))
+
+    @property
+    def moving(self) -> RideEffects:
+        """Those that a motion depends on."""
+        own = {name: v for name, v in self.values.items() if not name.startswith(UNMOVED)}
+        return RideEffects(own)
 
     def true_angles(self, t_s: Array, told: Array) -> Array:
         """(N, 3) what lean, wheel and steer were where `told` (N, 3) was measured at t_s (N,)."""

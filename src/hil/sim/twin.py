@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
@@ -177,6 +179,22 @@ class Replay:
             np.concatenate([*seen, np.empty(0)]),
             min((lead_w(t) for _, t, _ in led), default=LEAD_W),
         )
+
+    @cached_property
+    def _content(self) -> bytes:
+        """Digest of all that its answers depend on but the parameters."""
+        digest = hashlib.blake2b()
+        for x in (self.twin.model, *self._arguments):
+            values = np.ascontiguousarray(x)
+            digest.update(f"{values.dtype} {values.shape}".encode() + values.tobytes())
+        return digest.digest()
+
+    def __eq__(self, other: object) -> bool:
+        """Whether it is the same record of the same twin."""
+        return isinstance(other, Replay) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
 
     def run(self, parameters: Array | None = None) -> Array:
         """All samples (N,) with the parameter vector `parameters` (default: the rig file's); NaN where no

@@ -13,8 +13,9 @@ must be zero. It is what a rider's lean against the frame shows in, which no sen
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -36,6 +37,10 @@ EDGE_S: Final = 1.4
 """Of either end, which a zero-phase filter makes up."""
 FREE_M_S: Final = 2.5
 """Below, a foot or a hand may hold the bicycle, and the lean torque is not judged."""
+ANSWERS: Final = 512
+"""Answers that are kept of a ride: a third is asked again, of one that many look at in turn."""
+MOTIONS: Final = 8
+"""Motions that are: two answers of three differ by what is read of one alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +53,12 @@ class RideTwin:
     signals: tuple[str, ...]
     slope: Array | None = None
     """(N,) of the road on the grid, rad, uphill positive; None where it is level."""
+    _answered: Callable[..., dict[str, Array]] = field(init=False, repr=False, compare=False)
+    _moved: Callable[..., Motion] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_answered", lru_cache(ANSWERS)(self._answer))
+        object.__setattr__(self, "_moved", lru_cache(MOTIONS)(self._motion))
 
     @property
     def judged(self) -> NDArray[np.int64]:
@@ -76,13 +87,28 @@ class RideTwin:
     def motion(self, values: Mapping[str, float], angles: Array | None = None) -> Motion:
         """The ride with effects, of angles through both low-passes; `angles` instead of the recorded ones."""
         effects = RideEffects(values)
-        return effects.motion(self.bicycle, self._told(effects, angles, is_soft=True))
+        return effects.motion(self.bicycle, self._true(effects, angles, is_soft=True))
 
     def answer(self, values: Mapping[str, float], angles: Array | None = None) -> dict[str, Array]:
         """By signal, what the twin says at the judged rows; NaN where it cannot stand."""
-        effects = RideEffects(values)
+        if angles is None:
+            return self._answered(tuple(values), tuple(values.values()))
+        return self._told_by(RideEffects(values), angles)
+
+    def _answer(self, names: tuple[str, ...], values: tuple[float, ...]) -> dict[str, Array]:
+        return self._told_by(RideEffects(dict(zip(names, values, strict=True))))
+
+    def _motion(self, names: tuple[str, ...], values: tuple[float, ...]) -> Motion:
+        effects = RideEffects(dict(zip(names, values, strict=True)))
+        return effects.motion(self.bicycle, self._true(effects, None))
+
+    def _told_by(self, effects: RideEffects, angles: Array | None = None) -> dict[str, Array]:
         try:
-            motion = effects.motion(self.bicycle, self._told(effects, angles))
+            if angles is None:
+                own = effects.moving.values
+                motion = self._moved(tuple(own), tuple(own.values()))
+            else:
+                motion = effects.motion(self.bicycle, self._true(effects, angles))
         except KinematicsError:
             return {s: np.full(len(self.judged), np.nan) for s in self.signals}
         told = self._softer(self._columns(effects, motion))
@@ -91,7 +117,7 @@ class RideTwin:
     def _softer(self, columns: Array) -> Array:
         return softened(self.rig, self.recorded.dt_s, columns)
 
-    def _told(self, effects: RideEffects, angles: Array | None, is_soft: bool = False) -> Smooth:
+    def _true(self, effects: RideEffects, angles: Array | None, is_soft: bool = False) -> Smooth:
         """True angles through the ride's low-pass, and the softer one as well where `is_soft`."""
         told = self.recorded.angles if angles is None else angles
         true = effects.true_angles(self.recorded.t_s, told)

@@ -246,7 +246,8 @@ def _answers(problem: Problem, base: Fit, many: Sequence[Sequence[Lost]]) -> lis
             (problem.job(without(p, one)), base.vector)
             for lost in many
             for p, one in zip(problem.pieces, lost, strict=True)
-        ]
+        ],
+        once=True,
     )
     per = len(problem.pieces)
     return [np.concatenate(flat[k * per : (k + 1) * per]) for k in range(len(many))]

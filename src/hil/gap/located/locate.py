@@ -61,13 +61,15 @@ def locate(
     nuisances: Sequence[Nuisance] | None = None,
     healthy: Located | None = None,
     clocks: Clocks | None = None,
+    near: Located | None = None,
     seed: int = 0,
 ) -> Located:
     """Locate the gap between `runs` (Run objects, or frames with column t and one a signal) and `rig`'s twin.
 
     `nuisances` (default: `default_nuisances`) are refitted first. `healthy`: what was located on references,
     whose noise tells how much of this record's can be noise, and whose own gap is none here. `clocks`: the
-    drives' ticks, where they are known better than the rig file's twin tells them.
+    drives' ticks, where they are known better than the rig file's twin tells them. `near`: what was located
+    of the same runs by a twin that is nearly this one, with the same ticks.
     IdentificationError where the data cannot carry an answer names signal and reason.
     """
     loaded = as_runs(runs, rig)
@@ -82,7 +84,8 @@ def locate(
     problem = smooth.with_clocks(find_clocks(smooth) if clocks is None else clocks)
     chosen = nuisances or default_nuisances(rig, problem.signals, are_forces=problem.are_forces)
     guess = find_noise(problem, problem.base, rng, count=2)
-    best = settled(problem, guess, chosen)
+    known = None if near is None else near.evidence.jacobian
+    best = settled(problem, guess, chosen, known)
     found = find_noise(
         problem, best.vector, rng, repeats=find_repeats(problem),
         residual=without_lateness(problem, best.vector, best.residual),

@@ -34,10 +34,16 @@ CALMER: Final = 0.92
 tick takes 10 to 50 of 100 [the same axes; 3 where forces stand six floors off]."""
 
 
-def settled(problem: Problem, noise: NoiseModel, nuisances: Sequence[Nuisance]) -> Refit:
+def settled(
+    problem: Problem,
+    noise: NoiseModel,
+    nuisances: Sequence[Nuisance],
+    jacobian: Array | None = None,
+) -> Refit:
     """The refit that leaves least: from where nuisances are thought to be, and once more with each force read
-    when it leaves least, for over a tick no slope leads from one place to the next."""
-    best = refit(problem, noise, nuisances, begun(problem, noise, nuisances))
+    when it leaves least, for over a tick no slope leads from one place to the next. `jacobian`: as in
+    `refit`."""
+    best = refit(problem, noise, nuisances, begun(problem, noise, nuisances), jacobian)
     vector, _ = read_elsewhere(
         problem, noise, nuisances, best.vector, deviations(best, nuisances), partial(_nats, problem)
     )

@@ -12,7 +12,7 @@ import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -46,6 +46,8 @@ FEWEST: Final = 20
 MOTION_STEP_S: Final = 0.005
 """Of the grid that `Problem.motion` is told on: regions are coarser by far."""
 BIAS: Final = ".sensor_bias.offset"
+RECENT: Final = 128
+"""Replays that are kept: one in ten is asked again soon, of a record that many look at one after another."""
 FORCES: Final = ("force", "current")
 """Quantities by which a drive answers its force."""
 LATENCY: Final = ".sensor_latency.delay"
@@ -244,7 +246,7 @@ class Problem:
             }
             ticked = self.rig.actuator_names if in_step else piece.ticked
             tasks.append((self._job(replace(piece, ticked=ticked), stamps), vector))
-        flats = run_all(tasks)
+        flats = run_all(tasks, once=True)
         for x, t, order in zip(self.series, asked, orders, strict=True):
             job, _ = tasks[x.stretch]
             answers = np.empty(t.size)
@@ -375,7 +377,7 @@ class Problem:
             t = np.arange(*piece.span_s, step_s)
             jobs.append((self._job(piece, dict.fromkeys(names, t + late_s)), vector))
             grids.append(t)
-        flat = run_all(jobs)
+        flat = run_all(jobs, once=True)
         return [
             {"t": t, **job.by_signal(values)}
             for t, (job, _), values in zip(grids, jobs, flat, strict=True)
@@ -392,12 +394,25 @@ def judged(rig: RigFile, piece: Stretch) -> list[str]:
     return [n for n in names if n in piece.samples and len(piece.samples[n][0]) >= FEWEST]
 
 
-def run_all(tasks: Sequence[tuple[Replay, Array]]) -> list[Array]:
-    """Every replay with its parameter vector, on all cores."""
+def run_all(tasks: Sequence[tuple[Replay, Array]], *, once: bool = False) -> list[Array]:
+    """Every replay with its parameter vector, on all cores; `once`: nobody asks the same again, or it is too
+    large to be kept."""
+
+    def run(task: tuple[Replay, Array]) -> Array:
+        job, row = task
+        return job.run(row) if once else _remembered(job, np.asarray(row, dtype=float).tobytes())
+
     if len(tasks) == 1:
-        return [tasks[0][0].run(tasks[0][1])]
+        return [run(tasks[0])]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda task: task[0].run(task[1]), tasks))
+        return list(pool.map(run, tasks))
+
+
+@lru_cache(maxsize=RECENT)
+def _remembered(job: Replay, row: bytes) -> Array:
+    out = job.run(np.frombuffer(row))
+    out.flags.writeable = False
+    return out
 
 
 def predict_all(problems: Iterable[Problem], vector: Array) -> list[Array]:

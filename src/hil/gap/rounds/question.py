@@ -34,10 +34,14 @@ class Question:
     known: tuple[Nuisance, ...] | None = None
     """Nuisances as references leave them."""
 
-    def locate(self, rig: RigFile, clocks: Clocks | None = None) -> Located:
-        """The gap between the runs and the twin of `rig`; `clocks`: the drives' ticks, if they are known."""
+    def locate(
+        self, rig: RigFile, clocks: Clocks | None = None, near: Located | None = None
+    ) -> Located:
+        """The gap between the runs and the twin of `rig`; `clocks`: the drives' ticks, if they are known;
+        `near`: as in `hil.gap.locate`."""
         return locate(
-            self.runs, rig, nuisances=self.known, healthy=self.healthy, clocks=clocks, seed=self.seed
+            self.runs, rig, nuisances=self.known, healthy=self.healthy, clocks=clocks, near=near,
+            seed=self.seed,
         )  # fmt: skip
 
     def nuisances(self, problem: Problem) -> tuple[Nuisance, ...]:

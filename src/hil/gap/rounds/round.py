@@ -133,7 +133,7 @@ def considered(
 
 def glimpsed(q: Question, mine: Considered, twin: RigFile) -> Glimpse:
     """What another twin would say, as far as the best candidates of `mine` tell."""
-    there = q.locate(twin, mine.located.evidence.problem.clocks)
+    there = q.locate(twin, mine.located.evidence.problem.clocks, mine.located)
     chosen = q.nuisances(there.evidence.problem)
     c, none = begin(there.evidence, mine.parts, chosen, {}, q.seed)
     seen = again(mine.calibrated, mine.fits, c, none)
