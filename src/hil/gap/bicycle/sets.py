@@ -18,8 +18,8 @@ from hil.gap.fits.shares import above_noise
 from hil.gap.fits.starts import changes_of, relative
 from hil.gap.record.leaf import Leaf
 from hil.gap.search.candidates import FIRST, SINGLES, alone_again, promising
-from hil.gap.search.joint import adds
 from hil.gap.search.linear import Proposal, Search
+from hil.gap.search.standing import adds
 
 Report = Callable[[str], None]
 

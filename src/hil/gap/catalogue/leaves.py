@@ -60,7 +60,7 @@ SWINGS_HZ: Final = (5.0, 8.0, 12.0, 18.0, 27.0, 40.0)
 """Of the load on a transmission that gives, its motor held: what a drive carries swings nowhere else."""
 DAMPED: Final = 0.08
 """Of critical."""
-WIDTHS_M: Final = (2e-4, 2e-3, 1e-2)
+WIDTHS_M: Final = (2e-4, 6e-4, 2e-3, 1e-2)
 STRIBECK: Final = (0.008, 0.04, 0.16)
 """Of an actuator's largest speed, down to which its static friction goes."""
 

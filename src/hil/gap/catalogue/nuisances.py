@@ -38,7 +38,9 @@ LATENCY_S: Final = {"position": 0.00015, "velocity": 0.0004, "force": 0.00017, "
 what a drive counts in a while and filters; forces swing within each tick, and half of one must be within
 their bound (`hil.gap.located.phase`) [R]."""
 ZERO: Final = 0.5
-"""Of one sample's noise: what is left of an encoder's and a current sensor's zero [R]."""
+"""Of one sample's noise: what is left of a current sensor's zero [R]."""
+HOMED: Final = 0.75
+"""The same of an encoder's zero: a home position repeats within a few hundredths of a millimetre [R]."""
 FORCE_BIAS: Final = 0.0005
 """Of the largest force: offset of a current sensor [R], where that is more."""
 TILT_RAD: Final = 0.002
@@ -119,7 +121,7 @@ def default_nuisances(
                 free(f"{a.name}.{quantity}.sensor_latency.delay", sd)
         per_ampere = a.force_per_ampere or math.inf
         for quantity, sd in (
-            ("position", ZERO * rig.noise.position),
+            ("position", HOMED * rig.noise.position),
             ("force", max(ZERO * rig.noise.force, FORCE_BIAS * a.force_max)),
             ("current", max(ZERO * rig.noise.current, FORCE_BIAS * a.force_max / per_ampere)),
         ):

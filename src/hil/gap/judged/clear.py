@@ -18,7 +18,7 @@ from hil.gap.fits.further import is_further
 from hil.gap.fits.heldout import Score, touched, traces
 from hil.gap.fits.shares import explained
 from hil.gap.record.leaf import Leaf
-from hil.gap.search.joint import goes_further
+from hil.gap.search.standing import goes_further
 
 EXPLAINED: Final = 0.46
 """Share of the gap's energy that a verdict must explain, half of the time: what is none of the catalogue is

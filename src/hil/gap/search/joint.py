@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,12 +14,22 @@ from hil.gap.fits.fitted import Calibrated, Fit, loss, spread_of
 from hil.gap.fits.frames import EFFECT as LOST
 from hil.gap.fits.frames import fit_lost_frames
 from hil.gap.fits.friction import is_itself, may_join
-from hil.gap.fits.heldout import touched
-from hil.gap.fits.shares import RARE, above_noise, explained, most_left
+from hil.gap.fits.shares import RARE, above_noise, most_left
 from hil.gap.fits.starts import changes_of, relative
 from hil.gap.record.leaf import Leaf
 from hil.gap.search.linear import Proposal, Search
 from hil.gap.search.replayed import left_by
+from hil.gap.search.standing import BROUGHT_BACK, adds, cost_of
+from hil.gap.search.unseen import (
+    AS_GOOD,
+    MOST,
+    NATS,
+    PROMISE,
+    SWAPS,
+    exchanged,
+    unseen_pairs,
+    unseen_triples,
+)
 
 Report = Callable[[str], None]
 
@@ -28,28 +37,9 @@ PAIRS: Final = 3
 """Further effects that are tried beside the best single or pair."""
 LEFT: Final = 1.1
 """Floors on any signal from which on more than one effect is looked for."""
-PROMISE: Final = 0.15
-"""Of what the others leave above the floor, the least that a further effect takes in the linear picture."""
-NATS: Final = 40.0
-"""The least that it takes at all: of the loss of fits, where samples count as if they were independent."""
 NEARLY: Final = 0.7
 """Of what an effect of the best set explains alone, what another must to be tried in its place; and of its
 trace, by how much less the two must differ."""
-SWAPS: Final = 3
-AS_GOOD: Final = 0.9
-"""Of what an effect of the best set takes beside its others in the linear picture, above which that hardly
-tells another from it: up to MOST of those are fitted in its place."""
-MOST: Final = 6
-TOGETHER: Final = 12
-"""Best single candidates of which every two are looked at together in the linear picture."""
-ADDS: Final = 0.4
-OWN: Final = 0.7
-"""Of what the others leave, the least that a further effect must explain, of all or on the signals that it
-alone touches: less is how laws differ."""
-
-BROUGHT_BACK: Final = 6.0
-"""Nats of the nuisances' priors that a further effect saves which had been hidden in them: on healthy records
-no effect saves more than 5 beside a few nats of evidence."""
 
 
 def joint_fits(
@@ -63,12 +53,15 @@ def joint_fits(
     """Pairs and triples; `fits`: the twin without effects, then single ones."""
     out: list[Fit] = []
     known = {leaf.name for leaf in leaves}
-    singles = sorted((f for f in fits[1:] if f.leaves[0].name in known), key=lambda f: _cost(c, f))
+    singles = sorted(
+        (f for f in fits[1:] if f.leaves[0].name in known), key=lambda f: cost_of(c, f)
+    )
     heads = _unlike(c, singles)
     for _ in ("pairs", "triples"):
         if not heads or is_whole(c, heads[0], LEFT):
             break
         new: list[Fit] = []
+        tried: list[Fit] = []
         for head, p in _proposed(c, heads, search, leaves):
             leaf = leaves[p.leaves[0]]
             some = (*head.leaves, leaf)
@@ -77,17 +70,22 @@ def joint_fits(
             if not start:
                 continue  # it changes nothing that these data would show
             joint = fit(c, some, {**relative(c, head), **start}, p.z, found=head.names)
-            if joint is not None and is_itself(c, joint) and adds(c, [*fits[1:], *out], joint):
-                new.append(joint)
+            if joint is not None and is_itself(c, joint):
+                tried.append(joint)
+                new += [joint] if adds(c, [*fits[1:], *out], joint) else []
         if most_left(c, heads[0]) > RARE:
             new += [f for f in _limited(c, heads[0], leaves, say) if adds(c, [*fits[1:], *out], f)]
         if not out:
-            new += _unseen_pairs(c, fits, new, search, leaves, say)
+            new += unseen_pairs(c, fits, new, search, leaves, say)
         new += _swapped(c, fits, singles, new, say)
         new += _as_good(c, [*fits[1:], *out, *new], new, search, leaves, say)
+        new += exchanged(c, [*fits[1:], *out, *new], [*tried, *new], search, leaves, say)
         out += new
-        least = min(_cost(c, f) for f in heads)
-        heads = sorted((f for f in new if _cost(c, f) < least), key=lambda f: _cost(c, f))[:1]
+        least = min(cost_of(c, f) for f in heads)
+        best = heads[0]
+        heads = sorted((f for f in new if cost_of(c, f) < least), key=lambda f: cost_of(c, f))[:1]
+        if not heads:
+            out += unseen_triples(c, [*fits[1:], *out], best, search, leaves, say)
     if LOST not in without:
         out += _with_lost(c, fits, out, known, say)
     return out
@@ -123,30 +121,6 @@ def _limited(c: Calibrated, head: Fit, leaves: Sequence[Leaf], say: Report) -> l
     return [joint] if joint is not None and is_itself(c, joint) else []
 
 
-def _unseen_pairs(
-    c: Calibrated,
-    fits: Sequence[Fit],
-    new: Sequence[Fit],
-    search: Search,
-    leaves: Sequence[Leaf],
-    say: Report,
-) -> list[Fit]:
-    """The best two together of which neither need look good alone: what best explains both may be a third."""
-    out = []
-    have = [{x.name for x in f.leaves} for f in new]
-    for p in search.pairs(search.alone()[:TOGETHER]):
-        a, b = (leaves[k] for k in p.leaves)
-        if {a.name, b.name} in have or not (may_join(a, [b]) and may_join(b, [a])):
-            continue
-        say(f"fitting {a.name} + {b.name}")
-        start = search.felt(changes_of([a, b], p.starts, c.problem), p)
-        joint = fit(c, [a, b], start, p.z) if start else None
-        if joint is not None and is_itself(c, joint) and adds(c, fits[1:], joint):
-            out.append(joint)
-        break
-    return out
-
-
 def _unlike(c: Calibrated, ranked: Sequence[Fit]) -> list[Fit]:
     """The best fit and the best of those that do not answer as it does, of each its simplest like."""
     best = ranked[:1]
@@ -157,10 +131,6 @@ def _unlike(c: Calibrated, ranked: Sequence[Fit]) -> list[Fit]:
     ]
 
 
-def _cost(c: Calibrated, f: Fit) -> float:
-    return f.total(c) + f.extra_cost
-
-
 def _swapped(
     c: Calibrated, fits: Sequence[Fit], singles: Sequence[Fit], new: Sequence[Fit], say: Report
 ) -> list[Fit]:
@@ -168,7 +138,7 @@ def _swapped(
 
     What a set was begun with is what looks best alone: a delay and a latency change places beside others.
     """
-    best = min(new, key=lambda f: _cost(c, f), default=None)
+    best = min(new, key=lambda f: cost_of(c, f), default=None)
     if best is None:
         return []
     alone = {f.leaves[0].name: f for f in singles}
@@ -199,13 +169,13 @@ def _as_good(
 ) -> list[Fit]:
     """The best of `new` sets with one effect exchanged for what the linear picture hardly tells from it
     beside the others: what looks best alone need not be what is there."""
-    best = min(new, key=lambda f: _cost(c, f), default=None)
+    best = min(new, key=lambda f: cost_of(c, f), default=None)
     if best is None:
         return []
     tries = []
     for leaf in best.leaves:
         others = [x for x in best.leaves if x is not leaf]
-        head = min((f for f in fits if f.is_of(others)), key=lambda f: _cost(c, f), default=None)
+        head = min((f for f in fits if f.is_of(others)), key=lambda f: cost_of(c, f), default=None)
         if head is None:
             continue
         rest = search.beside(head).alone()
@@ -229,7 +199,7 @@ def _as_good(
 
 def _is_near(c: Calibrated, none: Fit, f: Fit, x: Fit) -> bool:
     """Whether `x` explains nearly as much as `f` does, and nearly the same."""
-    gain, other = _cost(c, none) - _cost(c, f), _cost(c, none) - _cost(c, x)
+    gain, other = cost_of(c, none) - cost_of(c, f), cost_of(c, none) - cost_of(c, x)
     return other > NEARLY * gain and distance(c, f, x) < NEARLY * distance(c, none, f)
 
 
@@ -238,38 +208,13 @@ def _with_lost(
 ) -> list[Fit]:
     """Lost frames beside the best of the other fits, where that leaves something."""
     others = [f for f in (*fits[1:], *joint) if f.leaves[0].name in known]
-    heads = _unlike(c, sorted(others, key=lambda f: _cost(c, f)))
+    heads = _unlike(c, sorted(others, key=lambda f: cost_of(c, f)))
     if not heads or above_noise(c, heads[0]) < NATS:
         return []
     best = heads[0]
     say("looking for lost frames beside " + " + ".join(x.name for x in best.leaves))
     found = fit_lost_frames(c, best)
     return [found] if found is not None and adds(c, [*fits[1:], *joint], found) else []
-
-
-def adds(c: Calibrated, fits: Sequence[Fit], joint: Fit, least: float = ADDS) -> bool:
-    """Whether each effect of a set explains more than a share `least` of what the others leave, or most of it
-    on the signals that it alone touches, or brings nuisances back, as far as those are among `fits`."""
-    names = {leaf.name for leaf in joint.leaves}
-    parts = [f for f in fits if {leaf.name for leaf in f.leaves} < names]
-    return all(goes_further(c, f, joint, least) for f in parts)
-
-
-def goes_further(c: Calibrated, f: Fit, joint: Fit, least: float = ADDS) -> bool:
-    """Whether a set explains more than a share `least` of what `f` leaves, or most of it on the signals that
-    `f` does not touch, or brings back nuisances that `f` leaves far off."""
-    return (
-        explained(c, f, joint) > least
-        or _owns(c, f, joint)
-        or f.prior_cost - joint.prior_cost > BROUGHT_BACK
-    )
-
-
-def _owns(c: Calibrated, f: Fit, joint: Fit) -> bool:
-    """Whether what a set adds to `f` explains most of what stands on the signals that it alone touches."""
-    shared = touched(c, replace(f, residual=c.residual), f)
-    signals = [s for s in touched(c, f, joint) if s not in shared]
-    return bool(signals) and explained(c, f, joint, signals=signals) > OWN
 
 
 def _proposed(

@@ -8,7 +8,7 @@ the twin afterwards.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Final
@@ -47,6 +47,10 @@ class Proposal:
     gain: float
     z: Array
     """(K,) nuisances that go with it."""
+
+
+def _best_first(found: Iterable[Proposal | None]) -> list[Proposal]:
+    return sorted((p for p in found if p is not None), key=lambda p: -p.gain)
 
 
 _Found = tuple[Proposal, Array, Array]
@@ -123,8 +127,7 @@ class Search:
 
     def alone(self) -> list[Proposal]:
         """Every leaf with its best start, best first."""
-        out = [self.set_of((k,)) for k in range(len(self.bank.leaves))]
-        return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
+        return _best_first(self.set_of((k,)) for k in range(len(self.bank.leaves)))
 
     def pairs(self, alone: Sequence[Proposal]) -> list[Proposal]:
         """Every two of the single proposals `alone`, each with its own start, best first."""
@@ -132,7 +135,14 @@ class Search:
         for a, b in itertools.combinations(alone, 2):
             only = ((a.starts[0][0],), (b.starts[0][0],))
             out.append(self.set_of((a.leaves[0], b.leaves[0]), only))
-        return sorted((p for p in out if p is not None), key=lambda p: -p.gain)
+        return _best_first(out)
+
+    def with_one_more(self, p: Proposal, further: Iterable[int]) -> list[Proposal]:
+        """`p`, its starts as they are, with each of the leaves `further` beside it, best first."""
+        kept = [(s,) for s, _ in p.starts]
+        return _best_first(
+            self.set_of((*p.leaves, k), (*kept, range(len(self.bank.places[k])))) for k in further
+        )
 
     def set_of(
         self, leaves: tuple[int, ...], only: Sequence[Sequence[int]] | None = None
