@@ -78,8 +78,8 @@ def joint_fits(
         if not out:
             new += unseen_pairs(c, fits, new, search, leaves, say)
         new += _swapped(c, fits, singles, new, say)
-        new += _as_good(c, [*fits[1:], *out, *new], new, search, leaves, say)
         new += exchanged(c, [*fits[1:], *out, *new], [*tried, *new], search, leaves, say)
+        new += _as_good(c, [*fits[1:], *out, *new], new, search, leaves, say)
         out += new
         least = min(cost_of(c, f) for f in heads)
         best = heads[0]
@@ -176,6 +176,10 @@ def _as_good(
     for leaf in best.leaves:
         others = [x for x in best.leaves if x is not leaf]
         head = min((f for f in fits if f.is_of(others)), key=lambda f: cost_of(c, f), default=None)
+        if head is None:  # of what was exchanged, the others have never been fitted without it
+            say("fitting " + " + ".join(x.name for x in others) + " without it")
+            kept = {n: v for n, v in relative(c, best).items() if n not in leaf.parameters}
+            head = fit(c, others, kept, best.z, found=tuple(kept))
         if head is None:
             continue
         rest = search.beside(head).alone()
