@@ -176,8 +176,8 @@ def _as_good(
     for leaf in best.leaves:
         others = [x for x in best.leaves if x is not leaf]
         head = min((f for f in fits if f.is_of(others)), key=lambda f: cost_of(c, f), default=None)
-        if head is None:  # of what was exchanged, the others have never been fitted without it
-            say("fitting " + " + ".join(x.name for x in others) + " without it")
+        if head is None and len(others) > 1:  # of what was exchanged, never fitted without it
+            say("fitting " + " + ".join(x.name for x in others))
             kept = {n: v for n, v in relative(c, best).items() if n not in leaf.parameters}
             head = fit(c, others, kept, best.z, found=tuple(kept))
         if head is None:
@@ -185,12 +185,13 @@ def _as_good(
         rest = search.beside(head).alone()
         own = next((p.gain for p in rest if leaves[p.leaves[0]].name == leaf.name), np.inf)
         tries += [
-            (head, x, p) for p in rest if p.gain > AS_GOOD * own
+            (p.gain / own, head, x, p) for p in rest if p.gain > AS_GOOD * own
             and may_join(x := leaves[p.leaves[0]], head.leaves)
             and not any(f.is_of((*head.leaves, x)) for f in fits)
         ]  # fmt: skip
+    tries.sort(key=lambda t: -t[0])
     out: list[Fit] = []
-    for head, x, p in tries[:MOST]:
+    for _, head, x, p in tries[:MOST]:
         start = search.felt(changes_of([x], p.starts, c.problem), p)
         if not start:
             continue
