@@ -39,7 +39,7 @@ what a drive counts in a while and filters; forces swing within each tick, and h
 their bound (`hil.gap.located.phase`) [R]."""
 ZERO: Final = 0.5
 """Of one sample's noise: what is left of a current sensor's zero [R]."""
-HOMED: Final = 0.75
+HOMED: Final = 0.6
 """The same of an encoder's zero: a home position repeats within a few hundredths of a millimetre [R]."""
 FORCE_BIAS: Final = 0.0005
 """Of the largest force: offset of a current sensor [R], where that is more."""
