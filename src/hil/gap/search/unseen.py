@@ -8,6 +8,7 @@ picture all of a set move together.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 from hil.gap.fits.fit import fit
@@ -108,14 +109,15 @@ def exchanged(
     if own is None:
         return []
     tries = []
-    for gone in mine:
-        others = [k for k in mine if k != gone]
-        for k, leaf in enumerate(leaves):
-            beside = [leaves[x] for x in others]
-            is_new = k != gone and not any(f.is_of((*beside, leaf)) for f in fits)
-            p = search.set_of((*others, k)) if is_new and may_join(leaf, beside) else None
-            if p is not None and p.gain > own.gain + NATS:
-                tries.append(p)
+    for gone in own.leaves:
+        kept = [(k, start) for k, start in zip(own.leaves, own.starts, strict=True) if k != gone]
+        others = replace(own, leaves=tuple(k for k, _ in kept), starts=tuple(s for _, s in kept))
+        beside = [leaves[k] for k in others.leaves]
+        able = [
+            k for k, leaf in enumerate(leaves)
+            if k != gone and may_join(leaf, beside) and not any(f.is_of((*beside, leaf)) for f in fits)
+        ]  # fmt: skip
+        tries += [p for p in search.with_one_more(others, able) if p.gain > own.gain + NATS]
     tries.sort(key=lambda p: -p.gain)
     return _begun(c, fits, tries[:SWAPS], search, leaves, say)
 
