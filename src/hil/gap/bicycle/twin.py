@@ -38,9 +38,9 @@ EDGE_S: Final = 1.4
 FREE_M_S: Final = 2.5
 """Below, a foot or a hand may hold the bicycle, and the lean torque is not judged."""
 ANSWERS: Final = 512
-"""Answers that are kept of a ride: a third is asked again, of one that many look at in turn."""
+"""Answers that are kept of a ride: a quarter or more is asked again, of one that many look at in turn."""
 MOTIONS: Final = 8
-"""Motions that are: two answers of three differ by what is read of one alone."""
+"""Motions that are: a third of the answers differ from others by what is read of a motion alone."""
 
 
 @dataclass(frozen=True, slots=True)

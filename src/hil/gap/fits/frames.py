@@ -25,7 +25,8 @@ from hil.gap.fits.lost import (
     without,
 )
 from hil.gap.record.leaf import Leaf, Start
-from hil.gap.record.problem import Problem, run_all
+from hil.gap.record.problem import Problem
+from hil.gap.record.replays import run_all
 
 Array = NDArray[np.float64]
 

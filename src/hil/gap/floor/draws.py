@@ -17,7 +17,8 @@ from scipy.signal import lfilter
 from hil.bus.load import RECKONED_BITS
 from hil.config import RigFile
 from hil.gap.record.led import replay_led
-from hil.gap.record.problem import Problem, Series, run_all
+from hil.gap.record.problem import Problem, Series
+from hil.gap.record.replays import run_all
 from hil.gap.record.ticks import AtSync, Ticks, acting
 from hil.identify.replay import Stretch
 

@@ -12,7 +12,7 @@ import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -23,6 +23,7 @@ from hil.errors import IdentificationError
 from hil.gap.record.coarse import coarser, tells
 from hil.gap.record.leaf import Leaf
 from hil.gap.record.led import replay_led
+from hil.gap.record.replays import run_all
 from hil.gap.record.sides import sided
 from hil.gap.record.standstill import LOOSE, at_rest, is_held, sags_s
 from hil.gap.record.ticks import Clocks, at_ticks
@@ -46,8 +47,6 @@ FEWEST: Final = 20
 MOTION_STEP_S: Final = 0.005
 """Of the grid that `Problem.motion` is told on: regions are coarser by far."""
 BIAS: Final = ".sensor_bias.offset"
-RECENT: Final = 128
-"""Replays that are kept: one in ten is asked again soon, of a record that many look at one after another."""
 FORCES: Final = ("force", "current")
 """Quantities by which a drive answers its force."""
 LATENCY: Final = ".sensor_latency.delay"
@@ -392,27 +391,6 @@ def judged(rig: RigFile, piece: Stretch) -> list[str]:
     if rig.imu is not None:
         names += [f"imu.{q}_{c}" for q in ("gyro", "accel") for c in "xyz"]
     return [n for n in names if n in piece.samples and len(piece.samples[n][0]) >= FEWEST]
-
-
-def run_all(tasks: Sequence[tuple[Replay, Array]], *, once: bool = False) -> list[Array]:
-    """Every replay with its parameter vector, on all cores; `once`: nobody asks the same again, or it is too
-    large to be kept."""
-
-    def run(task: tuple[Replay, Array]) -> Array:
-        job, row = task
-        return job.run(row) if once else _remembered(job, np.asarray(row, dtype=float).tobytes())
-
-    if len(tasks) == 1:
-        return [run(tasks[0])]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(run, tasks))
-
-
-@lru_cache(maxsize=RECENT)
-def _remembered(job: Replay, row: bytes) -> Array:
-    out = job.run(np.frombuffer(row))
-    out.flags.writeable = False
-    return out
 
 
 def predict_all(problems: Iterable[Problem], vector: Array) -> list[Array]:

@@ -185,7 +185,7 @@ def _as_good(
         rest = search.beside(head).alone()
         own = next((p.gain for p in rest if leaves[p.leaves[0]].name == leaf.name), np.inf)
         tries += [
-            (p.gain / own, head, x, p) for p in rest if p.gain > AS_GOOD * own
+            (p.gain / own if own > 0.0 else np.inf, head, x, p) for p in rest if p.gain > AS_GOOD * own
             and may_join(x := leaves[p.leaves[0]], head.leaves)
             and not any(f.is_of((*head.leaves, x)) for f in fits)
         ]  # fmt: skip

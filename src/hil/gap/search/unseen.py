@@ -66,9 +66,7 @@ def unseen_triples(
 ) -> list[Fit]:
     """Three together that hold one effect of the `best` set, beside which nothing stands alone: another of
     them hides in what the third leaves, or what stands for both is in the best set."""
-    place = {leaf.name: k for k, leaf in enumerate(leaves)}
-    mine = tuple(place[x.name] for x in best.leaves if x.name in place)
-    own = search.set_of(mine) if mine else None
+    own = _pictured(best, search, leaves)
     if own is None:
         return []
 
@@ -78,7 +76,7 @@ def unseen_triples(
 
     least = own.gain + max(PROMISE * above_noise(c, best), NATS)
     found: dict[frozenset[int], Proposal] = {}
-    for k in mine:
+    for k in own.leaves:
         kept = search.set_of((k,))
         for pair in search.with_one_more(kept, able(kept))[:WIDE] if kept else []:
             for p in search.with_one_more(pair, able(pair))[:WIDE]:
@@ -101,11 +99,7 @@ def exchanged(
     with which the linear picture of the whole set explains more: what an effect does beside others that are
     far off, for another stood where it does, tells nothing of it."""
     best = min(tried, key=lambda f: cost_of(c, f), default=None)
-    if best is None:
-        return []
-    place = {leaf.name: k for k, leaf in enumerate(leaves)}
-    mine = [place[x.name] for x in best.leaves if x.name in place]
-    own = search.set_of(tuple(mine)) if len(mine) == len(best.leaves) else None
+    own = None if best is None else _pictured(best, search, leaves)
     if own is None:
         return []
     tries = []
@@ -120,6 +114,13 @@ def exchanged(
         tries += [p for p in search.with_one_more(others, able) if p.gain > own.gain + NATS]
     tries.sort(key=lambda p: -p.gain)
     return _begun(c, fits, tries[:SWAPS], search, leaves, say)
+
+
+def _pictured(f: Fit, search: Search, leaves: Sequence[Leaf]) -> Proposal | None:
+    """The effects of a fit as the linear picture has them; None where it does not know all of them."""
+    place = {leaf.name: k for k, leaf in enumerate(leaves)}
+    mine = [place[x.name] for x in f.leaves if x.name in place]
+    return search.set_of(tuple(mine)) if len(mine) == len(f.leaves) else None
 
 
 def _begun(
