@@ -84,16 +84,13 @@ def twist_terms(kind, geometry, body, legs, gravity, R, k, Mw, hw, rho, Jw, jw):
         sy = 0.0 if planar else k[1] + ry - geometry[b + 1]
         sz = k[2] + rz - geometry[b + 2]
         length = math.sqrt(sx * sx + sy * sy + sz * sz)
-        nx, ny, nz = sx / length, sy / length, sz / length
+        per = 1.0 / length
+        nx, ny, nz = sx * per, sy * per, sz * per
         vx = k[3] + wy * rz - wz * ry
         vy = 0.0 if planar else k[4] + wz * rx - wx * rz
         vz = k[5] + wx * ry - wy * rx
         l_dot = nx * vx + ny * vy + nz * vz
-        dx, dy, dz = (
-            (vx - nx * l_dot) / length,
-            (vy - ny * l_dot) / length,
-            (vz - nz * l_dot) / length,
-        )
+        dx, dy, dz = (vx - nx * l_dot) * per, (vy - ny * l_dot) * per, (vz - nz * l_dot) * per
         rho[i] = length
         Jw[i, 0], Jw[i, 1], Jw[i, 2] = nx, ny, nz
         Jw[i, 3], Jw[i, 4], Jw[i, 5] = ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx
@@ -102,6 +99,37 @@ def twist_terms(kind, geometry, body, legs, gravity, R, k, Mw, hw, rho, Jw, jw):
             n, n_dot = (nx, ny, nz), (dx, dy, dz)
             bias, r = (ax, ay, az), (rx, ry, rz)
             leg_terms(legs[i], planar, n, length, l_dot, n_dot, bias, r, gravity, Mw, hw)
+
+
+@inner
+def _along(direction, mass, gravity, M, h, J):  # type: ignore[no-untyped-def]
+    """M, h and J of a mass that only moves along `direction`: `twist_terms` projected, without tensors."""
+    x = direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]
+    J[0, 0] = x
+    M[0, 0] = mass * x
+    g = direction[0] * gravity[0] + direction[1] * gravity[1] + direction[2] * gravity[2]
+    h[0] = -mass * g
+
+
+@inner
+def _turned(A, k, Mw, hw, Jw, jw, X, M, h, J, jdqd):  # type: ignore[no-untyped-def]
+    """The projection on A where it only turns rates into omega, A = blkdiag(1, E), and shifts nothing."""
+    for i in range(6):
+        for j in range(3):
+            X[i, j] = Mw[i, 3] * A[3, 3 + j] + Mw[i, 4] * A[4, 3 + j] + Mw[i, 5] * A[5, 3 + j]
+            J[i, j] = Jw[i, j]
+            J[i, 3 + j] = Jw[i, 3] * A[3, 3 + j] + Jw[i, 4] * A[4, 3 + j] + Jw[i, 5] * A[5, 3 + j]
+        hw[i] += Mw[i, 3] * k[12] + Mw[i, 4] * k[13] + Mw[i, 5] * k[14]
+        jdqd[i] = jw[i] + Jw[i, 3] * k[12] + Jw[i, 4] * k[13] + Jw[i, 5] * k[14]
+    for i in range(3):
+        e0, e1, e2 = A[3, 3 + i], A[4, 3 + i], A[5, 3 + i]
+        h[i] = hw[i]
+        h[3 + i] = e0 * hw[3] + e1 * hw[4] + e2 * hw[5]
+        for j in range(3):
+            M[i, j] = Mw[i, j]
+            M[i, 3 + j] = X[i, j]
+            M[3 + j, i] = X[i, j]
+            M[3 + i, 3 + j] = e0 * X[3, j] + e1 * X[4, j] + e2 * X[5, j]
 
 
 @compiled
@@ -137,33 +165,36 @@ def terms_in(memory, kind, geometry, body, legs, gravity, q, qd, M, h, rho, J, j
     n = q.shape[0]
     R, A, k, Mw, hw, Jw, jw, X = memory
     platform_twist(kind, geometry, q, qd, R, A, k)
-    if kind in (AXIS, PENDULUM):
+    if kind == AXIS:
+        _along(geometry, body[0] + legs[0, 3], gravity, M, h, J)
+        rho[0] = q[0]
+        jdqd[0] = 0.0
+        return
+    if kind == PENDULUM:
         rho[0] = q[0]
     twist_terms(kind, geometry, body, legs, gravity, R, k, Mw, hw, rho, Jw, jw)
+    if kind == STEWART:
+        _turned(A, k, Mw, hw, Jw, jw, X, M, h, J, jdqd)
+        return
+    for j in range(n):
+        a0, a1, a2, a3, a4, a5 = A[0, j], A[1, j], A[2, j], A[3, j], A[4, j], A[5, j]
+        for i in range(6):
+            x = Mw[i, 0] * a0 + Mw[i, 1] * a1 + Mw[i, 2] * a2
+            X[i, j] = x + (Mw[i, 3] * a3 + Mw[i, 4] * a4 + Mw[i, 5] * a5)
+        for i in range(n):
+            x = Jw[i, 0] * a0 + Jw[i, 1] * a1 + Jw[i, 2] * a2
+            J[i, j] = x + (Jw[i, 3] * a3 + Jw[i, 4] * a4 + Jw[i, 5] * a5)
     for i in range(6):
-        for j in range(n):
-            x = 0.0
-            for c in range(6):
-                x += Mw[i, c] * A[c, j]
-            X[i, j] = x
         for c in range(6):
             hw[i] += Mw[i, c] * k[9 + c]
     for i in range(n):
+        a0, a1, a2, a3, a4, a5 = A[0, i], A[1, i], A[2, i], A[3, i], A[4, i], A[5, i]
         for j in range(i + 1):
-            x = 0.0
-            for c in range(6):
-                x += A[c, i] * X[c, j]
+            x = a0 * X[0, j] + a1 * X[1, j] + a2 * X[2, j]
+            x += a3 * X[3, j] + a4 * X[4, j] + a5 * X[5, j]
             M[i, j] = x
             M[j, i] = x
-        x = 0.0
-        y = jw[i]
+        h[i] = a0 * hw[0] + a1 * hw[1] + a2 * hw[2] + (a3 * hw[3] + a4 * hw[4] + a5 * hw[5])
+        jdqd[i] = jw[i]
         for c in range(6):
-            x += A[c, i] * hw[c]
-            y += Jw[i, c] * k[9 + c]
-        h[i] = x
-        jdqd[i] = y
-        for j in range(n):
-            x = 0.0
-            for c in range(6):
-                x += Jw[i, c] * A[c, j]
-            J[i, j] = x
+            jdqd[i] += Jw[i, c] * k[9 + c]

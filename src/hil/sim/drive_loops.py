@@ -43,8 +43,8 @@ SKIPS = 0.5
 def encoder(act, i, x):  # type: ignore[no-untyped-def]
     """(reading, d reading / d x) of the motor encoder where the motor stands at output position x."""
     home = act[lay.A_HOME, i]
-    reading = home + act[lay.A_OFFSET, i] + (x - home) / act[lay.A_LEAD, i]
-    ratio = 1.0 / act[lay.A_LEAD, i]
+    ratio = act[lay.A_PER_LEAD, i]
+    reading = home + act[lay.A_OFFSET, i] + (x - home) * ratio
     if act[lay.A_LEAD_A, i] != 0.0:
         w = 2.0 * math.pi / act[lay.A_LEAD_P, i]
         turn = w * (x - home) + act[lay.A_LEAD_PHASE, i]
@@ -199,6 +199,7 @@ def position_loops(header, act, st, t, k):  # type: ignore[no-untyped-def]
     are smooth in where it lies.
     """
     ticks = int(header[lay.H_POSITION_TICKS])
+    phase = float(k % ticks)
     half = 0.5 * header[lay.H_DT] * ticks
     for i in range(st.shape[1]):
         if st[lay.S_MODE, i] != lay.MODE_POSITION:
@@ -212,10 +213,10 @@ def position_loops(header, act, st, t, k):  # type: ignore[no-untyped-def]
                 soon = header[lay.H_DT] - EPSILON_S
         taken = st[lay.S_HAS_PENDING, i] != 0.0 and start <= t + soon
         if taken and is_ticked:
-            st[lay.S_PHASE, i] = k % ticks + max(start - t, 0.0) / header[lay.H_DT]
+            st[lay.S_PHASE, i] = phase + max(start - t, 0.0) / header[lay.H_DT]
         whole = math.floor(st[lay.S_PHASE, i])
         st[lay.S_VREF, i], st[lay.S_FF, i] = st[lay.S_VHELD, i], st[lay.S_FHELD, i]
-        if (k - int(whole)) % ticks != 0:
+        if whole != phase:
             continue
         before = st[lay.S_PHASE, i] - whole
         ahead_s = before * header[lay.H_DT]
@@ -268,10 +269,8 @@ def speed_loops(header, act, st, t):  # type: ignore[no-untyped-def]
 
 
 @inner
-def mean_force(act, st, i, h):  # type: ignore[no-untyped-def]
-    """Advance current loop i by h; returns the mean over h of the force its current stands for."""
-    a = act[lay.A_CURRENT_W, i] * h
-    decay = math.exp(-a)
+def mean_force(act, st, i):  # type: ignore[no-untyped-def]
+    """Advance current loop i by a step; returns the mean over it of the force that its current stands for."""
     deviation = st[lay.S_CURRENT, i] - st[lay.S_FREF, i]
-    st[lay.S_CURRENT, i] = st[lay.S_FREF, i] + deviation * decay
-    return st[lay.S_FREF, i] + deviation * (1.0 - decay) / a
+    st[lay.S_CURRENT, i] = st[lay.S_FREF, i] + deviation * act[lay.A_CURRENT_DECAY, i]
+    return st[lay.S_FREF, i] + deviation * act[lay.A_CURRENT_MEAN, i]

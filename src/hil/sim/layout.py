@@ -115,18 +115,19 @@ INTERPOLATIONS = {"hold": 0.0, "linear": 1.0, "linear_rests": RESTS, "linear_lea
 
 (
     A_REFLECTED, A_VISCOUS, A_COULOMB_POS, A_COULOMB_NEG, A_VMAX, A_FMAX, A_LOWER, A_UPPER, A_HOME,
-    A_KP, A_KV, A_KI, A_KFV, A_KFA, A_KFF, A_MEFF, A_CURRENT_W, A_STATIC_FF, A_PD, A_FORCE_PER_A,
-    A_BRAKE, A_FF_VISCOUS, A_FF_COULOMB, A_STRIBECK_C, A_STRIBECK_D, A_STRIBECK_V, A_LOAD, A_LOAD_ASYM,
-    A_GAP, A_HYST_F, A_HYST_X, A_STIFFNESS, A_DAMPING, A_RIPPLE_A, A_RIPPLE_P, A_RIPPLE_PHASE,
-    A_FORCE_SCALE, A_DELAY, A_OFFSET, A_LEAD, A_LEAD_A, A_LEAD_P, A_LEAD_PHASE, A_HARDENING,
+    A_KP, A_KV, A_KI, A_KFV, A_KFA, A_KFF, A_MEFF, A_CURRENT_DECAY, A_CURRENT_MEAN, A_STATIC_FF, A_PD,
+    A_FORCE_PER_A, A_BRAKE, A_FF_VISCOUS, A_FF_COULOMB, A_STRIBECK_C, A_STRIBECK_D, A_STRIBECK_V, A_LOAD,
+    A_LOAD_ASYM, A_GAP, A_HYST_F, A_HYST_X, A_STIFFNESS, A_DAMPING, A_RIPPLE_A, A_RIPPLE_P, A_RIPPLE_PHASE,
+    A_FORCE_SCALE, A_DELAY, A_OFFSET, A_PER_LEAD, A_LEAD_A, A_LEAD_P, A_LEAD_PHASE, A_HARDENING,
     A_VISCOUS_SKEW, A_PRESLIDING, A_FKNEE, A_VKNEE, A_GUIDE,
-) = range(49)  # fmt: skip
-A_ROWS = 49
+) = range(50)  # fmt: skip
+A_ROWS = 50
 """Rows of the actuators' constants, SI at the output; A_STRIBECK_D is static minus Coulomb friction,
 A_HARDENING how much a transmission stiffens with the square of its wind-up, 1/m²; A_VISCOUS_SKEW what viscous
 friction is more in the positive direction than its mean, A_PRESLIDING the way within which friction builds
-up, m; A_FKNEE, A_VKNEE how softly force and speed reference bend over to their limits; A_GUIDE Coulomb
-friction that rubs on the load, N."""
+up, m; A_CURRENT_DECAY what a step of integration leaves of the current loop's lag, A_CURRENT_MEAN the lag's
+mean over the step; A_PER_LEAD what the encoder reads of a metre; A_FKNEE, A_VKNEE how softly force and speed
+reference bend over to their limits; A_GUIDE Coulomb friction that rubs on the load, N."""
 
 BODY, GRAVITY, LEG, IMU = 10, 3, 6, 17
 """Lengths; IMU: position (3), rotation sensor → platform (9), filter Hz, mount Hz (3), its damping ratio."""

@@ -164,7 +164,7 @@ def _couple(act, st, w, i, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _factor(M, J, w, S):  # type: ignore[no-untyped-def]
-    """Lower Cholesky factor of M + J^T diag(MU) J in S."""
+    """Lower Cholesky factor of M + J^T diag(MU) J in S, on its diagonal the reciprocals."""
     n = S.shape[0]
     for a in range(n):
         for b in range(a + 1):
@@ -173,7 +173,7 @@ def _factor(M, J, w, S):  # type: ignore[no-untyped-def]
                 s += w[W_MU, i] * J[i, a] * J[i, b]
             for k in range(b):
                 s -= S[a, k] * S[b, k]
-            S[a, b] = s / S[b, b] if b < a else math.sqrt(s)
+            S[a, b] = s * S[b, b] if b < a else 1.0 / math.sqrt(s)
 
 
 @inner
@@ -188,12 +188,12 @@ def _velocities(st, w, bias, M, J, S, h):  # type: ignore[no-untyped-def]
             s += J[b, a] * (w[W_PSI, b] + h * w[W_KAPPA, b] * w[W_PHI, b])
         for k in range(a):
             s -= S[a, k] * x[k]
-        x[a] = s / S[a, a]
+        x[a] = s * S[a, a]
     for a in range(n - 1, -1, -1):
         s = x[a]
         for k in range(a + 1, n):
             s -= S[k, a] * w[W_QD, k]
-        w[W_QD, a] = s / S[a, a]
+        w[W_QD, a] = s * S[a, a]
     for i in range(n):
         r = 0.0
         for a in range(n):
@@ -231,7 +231,7 @@ def _solve(st, w, bias, M, J, S, Y, W, K, h):  # type: ignore[no-untyped-def]
             s = J[i, a]
             for k in range(a):
                 s -= S[a, k] * Y[k, i]
-            Y[a, i] = s / S[a, a]
+            Y[a, i] = s * S[a, a]
     for i in range(n):
         for j in range(i + 1):
             s = 0.0
@@ -302,11 +302,12 @@ def step(kind, views, st, mem, force, h):  # type: ignore[no-untyped-def]
         _solve(st, w, bias, M, J, S, Y, W, K, h)
         if not _contacts(act, st, w, h):
             break
+    per_h = 1.0 / h
     for i in range(n):
         v, r = w[W_V, i], w[W_R, i]
         v_old = st[lay.S_VM, i]
         resist = w[W_F0, i] - w[W_C, i] * v + w[W_PHI, i]
-        st[lay.S_LOAD, i] = resist - act[lay.A_REFLECTED, i] * (v - v_old) / h
+        st[lay.S_LOAD, i] = resist - act[lay.A_REFLECTED, i] * (v - v_old) * per_h
         if st[lay.S_CONTACT, i] != RIGID:
             theta = w[W_THETA, i]
             u_old = v_old - st[lay.S_RATE, i]
@@ -330,6 +331,6 @@ def step(kind, views, st, mem, force, h):  # type: ignore[no-untyped-def]
         st[lay.S_RATE, i] = r
         st[lay.S_RHO, i] = rho[i] + 0.5 * h * r + 0.125 * h * h * jdqd[i]
     for a in range(n):
-        st[lay.S_QDD, a] = (w[W_QD, a] - st[lay.S_QD, a]) / h
+        st[lay.S_QDD, a] = (w[W_QD, a] - st[lay.S_QD, a]) * per_h
         st[lay.S_QD, a] = w[W_QD, a]
         st[lay.S_Q, a] = q[a] + 0.5 * h * w[W_QD, a]

@@ -63,8 +63,9 @@ def pack_model(rig: RigFile, substeps: int = 1, *, smooth: bool = False) -> Arra
         bus.answer_delay, who,
         lay.INTERPOLATIONS[bus.force_interpolation], bus.waits_s(0), bus.waits_s(0) - bus.waits_s(1),
     ]  # fmt: skip
+    actuators = _pack_actuators(rig, bus.speed_loop / substeps)
     return np.concatenate(
-        [header, _pack_actuators(rig).ravel(), geometry, geometry, body, body, gravity, gravity,
+        [header, actuators.ravel(), geometry, geometry, body, body, gravity, gravity,
          pack_legs(rig).ravel(), pack_fed_legs(rig).ravel(), _pack_imu(rig)]
     ).astype(np.float64)  # fmt: skip
 
@@ -91,7 +92,7 @@ def actuator_rows(model: Array) -> Array:
     return model[lay.HEADER : lay.HEADER + lay.A_ROWS * n].reshape(lay.A_ROWS, n)
 
 
-def _pack_actuators(rig: RigFile) -> Array:
+def _pack_actuators(rig: RigFile, step_s: float) -> Array:
     rows = np.zeros((lay.A_ROWS, len(rig.actuators)))
     rows[
         [
@@ -100,11 +101,13 @@ def _pack_actuators(rig: RigFile) -> Array:
             lay.A_RIPPLE_P,
             lay.A_LEAD_P,
             lay.A_FORCE_SCALE,
-            lay.A_LEAD,
+            lay.A_PER_LEAD,
         ]
     ] = 1.0
     rows[lay.A_STIFFNESS] = math.inf
     for i, a in enumerate(rig.actuators):
+        lag = 2.0 * math.pi * a.current_hz * step_s
+        decay = math.exp(-lag)
         for row, value in (
             (lay.A_REFLECTED, a.reflected_mass),
             (lay.A_VISCOUS, a.viscous),
@@ -124,7 +127,8 @@ def _pack_actuators(rig: RigFile) -> Array:
             (lay.A_KFA, a.acceleration_ff),
             (lay.A_KFF, a.friction_ff),
             (lay.A_MEFF, a.effective_mass),
-            (lay.A_CURRENT_W, 2.0 * math.pi * a.current_hz),
+            (lay.A_CURRENT_DECAY, decay),
+            (lay.A_CURRENT_MEAN, (1.0 - decay) / lag),
             (lay.A_STATIC_FF, a.static_ff if a.law != "cascade" else 0.0),
             (lay.A_PD, a.law == "pd"),
             (lay.A_FORCE_PER_A, a.force_per_ampere or math.nan),
@@ -224,7 +228,7 @@ def apply_parameters(base, p, out):  # type: ignore[no-untyped-def]
         act[lay.A_KI, i] *= x[lay.P_KI]
         act[lay.A_DELAY, i] = x[lay.P_DELAY]
         act[lay.A_OFFSET, i] = x[lay.P_OFFSET]
-        act[lay.A_LEAD, i] = x[lay.P_LEAD]
+        act[lay.A_PER_LEAD, i] = 1.0 / x[lay.P_LEAD]
         act[lay.A_LEAD_A, i] = x[lay.P_LEAD_A]
         act[lay.A_LEAD_P, i] = x[lay.P_LEAD_P]
         act[lay.A_LEAD_PHASE, i] = x[lay.P_LEAD_PHASE]

@@ -103,8 +103,8 @@ def replay(  # type: ignore[no-untyped-def]
     mem = tick_memory(model, imu)
     dt = model[lay.H_DT]
     rows = np.empty((2, 4 * n + 6))
-    put_outputs(st, tail, rows[1])
     put_outputs(st, tail, rows[0])
+    put_outputs(st, tail, rows[1])
     ev, at = ev_first[:-1].copy(), s_first[:-1].copy()
     due = np.empty(groups)
     for g in range(groups):
@@ -114,25 +114,26 @@ def replay(  # type: ignore[no-untyped-def]
     leads = out.shape[0] - seen.shape[0]
     last = np.zeros((n, 3))
     last[:, 1] = math.inf
-    k = 0
+    k, earliest = 0, -np.inf
     while True:
-        earliest = np.inf
-        for g in range(groups):  # everything that lies between the last tick and this one
-            while due[g] <= k * dt:
-                x = min(max((due[g] - (k - 1) * dt) / dt, 0.0), 1.0)
-                c = column[g]
-                value = (rows[0, c] + (rows[1, c] - rows[0, c]) * x) / unit[g]
-                out[at[g]] = reading(value, home[g], sensor[g, 0], sensor[g, 1], sensor[g, 3])
-                if at[g] >= leads:
-                    error = seen[at[g] - leads] - out[at[g]]
-                    _lead(st, s_signal[g], error, due[g], lead_w, last[s_signal[g]])
-                at[g] += 1
-                due[g] = np.inf
-                if at[g] < s_first[g + 1]:
-                    due[g] = sampled_at(s_t[at[g]] - delay[g], sensor[g, 2], sensor[g, 4], 0.0)
-            earliest = min(earliest, due[g])
-        if earliest == np.inf:
-            return
+        if earliest <= k * dt:
+            earliest = np.inf
+            for g in range(groups):  # everything that lies between the last tick and this one
+                while due[g] <= k * dt:
+                    x = min(max((due[g] - (k - 1) * dt) / dt, 0.0), 1.0)
+                    c = column[g]
+                    value = (rows[0, c] + (rows[1, c] - rows[0, c]) * x) / unit[g]
+                    out[at[g]] = reading(value, home[g], sensor[g, 0], sensor[g, 1], sensor[g, 3])
+                    if at[g] >= leads:
+                        error = seen[at[g] - leads] - out[at[g]]
+                        _lead(st, s_signal[g], error, due[g], lead_w, last[s_signal[g]])
+                    at[g] += 1
+                    due[g] = np.inf
+                    if at[g] < s_first[g + 1]:
+                        due[g] = sampled_at(s_t[at[g]] - delay[g], sensor[g, 2], sensor[g, 4], 0.0)
+                earliest = min(earliest, due[g])
+            if earliest == np.inf:
+                return
         for i in range(n):
             wait = model[lay.H_SETPOINT_DELAY] + act[lay.A_DELAY, i]
             while ev[i] < ev_first[i + 1] and ev_t[ev[i]] + wait <= k * dt + EPSILON_S:
@@ -140,8 +141,10 @@ def replay(  # type: ignore[no-untyped-def]
                 if not is_lost(i, e - ev_first[i], lost):
                     deliver(model, st, i, ev_value[e], ev_t[e] + wait)
                 ev[i] += 1
-        for c in range(rows.shape[1]):
-            rows[0, c] = rows[1, c]
+        is_due = earliest <= (k + 1) * dt
+        if is_due:
+            put_outputs(st, tail, rows[0])
         tick(model, views, st, tail, mem, with_imu)
         k += 1
-        put_outputs(st, tail, rows[1])
+        if is_due:
+            put_outputs(st, tail, rows[1])

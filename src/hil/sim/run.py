@@ -67,7 +67,7 @@ def tick(model, views, st, tail, mem, with_imu):  # type: ignore[no-untyped-def]
     h = model[lay.H_DT] / substeps
     for _ in range(substeps):
         for i in range(n):
-            force[i] = mean_force(act, st, i, h)
+            force[i] = mean_force(act, st, i)
             rates[i] = st[lay.S_QD, i]
         step(kind, views, st, mechanics, force, h)
         if with_imu:
