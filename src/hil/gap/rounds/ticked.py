@@ -9,6 +9,7 @@ the twin's kicks are others there.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -19,21 +20,30 @@ from hil.gap.located.residual import cost
 from hil.gap.located.result import Located
 from hil.gap.record.arrivals import find_clocks
 from hil.gap.record.fineness import CLEARER, fineness
+from hil.gap.record.places import LATE
 from hil.gap.record.problem import Problem
-from hil.gap.record.ticks import Clocks
+from hil.gap.record.ticks import Clocks, Ticks
 from hil.gap.rounds.glimpsed import unlike
 
 Array = NDArray[np.float64]
 
 LESS: Final = 10.0
 """Nats by which ticks beside a fit must explain more than those beside the twin without effects."""
+ABOUT: Final = 16
+"""Places in a tick that are looked at beside a fit before ticks are looked for: that costs twenty times as
+much."""
 
 
 def clocks_beside(located: Located, c: Calibrated, fits: Sequence[Fit]) -> Clocks | None:
     """The drives' ticks as that of the best `fits` shows them which then leaves least; None: as they are."""
     e = located.evidence
     best = unlike(c, fits)
-    asked = [f for f in best if _kicks_otherwise(e.problem, f.vector, c.vector)]
+    asked = [
+        f
+        for f in best
+        if _kicks_otherwise(e.problem, f.vector, c.vector)
+        and _may_lie_elsewhere(e.problem, f.vector)
+    ]
 
     def left(f: Fit, clocks: Clocks) -> float:
         residual = e.problem.with_clocks(clocks).residual(f.vector)
@@ -61,3 +71,23 @@ def _kicks_otherwise(problem: Problem, vector: Array, usual: Array) -> bool:
         abs(fineness(problem, *key, here) - fineness(problem, *key, there)) > CLEARER
         for key in keys
     )
+
+
+def _may_lie_elsewhere(problem: Problem, vector: Array) -> bool:
+    """Whether the force of some drive is clearer beside the twin of `vector` where all ticks of `problem` lie
+    elsewhere, however late answers are, or ticks are not known or are no drive's own."""
+    known = {key: x for key, x in problem.clocks.items() if isinstance(x, Ticks)}
+    keys = [(k, a) for k in range(len(problem.pieces)) for a in problem.rig.actuator_names]
+    if problem.rig.bus.retimed or len(known) < len(keys):
+        return True
+    tick_s = problem.rig.bus.position_loop
+    late_s = [share * tick_s for share in LATE]
+
+    def clearest(places: int) -> Array:
+        by_s = tick_s * places / ABOUT
+        there = {key: replace(x, phase_s=x.phase_s + by_s) for key, x in known.items()}
+        flats = problem.with_clocks(there).forces_late(vector, late_s)
+        return np.array([min(fineness(problem, *key, f) for f in flats) for key in keys])
+
+    here = clearest(0)
+    return any(np.any(clearest(m) < here - CLEARER) for m in range(1, ABOUT))
