@@ -44,7 +44,7 @@ def test_a_run_takes_the_place_of_its_burst_and_of_nothing_else():
     assert (count(lost), count(run)) == (3, 4)
 
 
-def test_frames_of_the_same_cycles_were_lost_by_no_bus():
+def test_frames_of_the_same_cycles_are_told_from_those_of_different_ones():
     sent = np.arange(100) * 0.01
     legs = {f"leg{k}": (sent + 0.0003 * k, sent) for k in range(3)}
     pieces = [SimpleNamespace(setpoints=legs)]

@@ -26,6 +26,7 @@ from hil.gap.record.missing import Missing
 from hil.gap.rounds.calmer import calmed
 from hil.gap.rounds.glimpsed import again, may_be_nothing
 from hil.gap.rounds.question import Question
+from hil.gap.rounds.ticked import may_lie_elsewhere
 from hil.gap.search.candidates import fit_candidates, fitted_again
 
 ALL: Final = 0.95
@@ -101,8 +102,9 @@ class Glimpse:
 
     def located(self, q: Question) -> Located:
         """What it locates; with ticks looked for beside it, where there is a gap that those may be off by."""
-        seen = self.other
-        return q.locate(seen.rig) if seen.is_large else seen.located
+        seen, e = self.other, self.other.located.evidence
+        is_off = seen.is_large and may_lie_elsewhere(e.problem, e.vector)
+        return q.locate(seen.rig) if is_off else seen.located
 
 
 def considered(

@@ -42,7 +42,7 @@ def clocks_beside(located: Located, c: Calibrated, fits: Sequence[Fit]) -> Clock
         f
         for f in best
         if _kicks_otherwise(e.problem, f.vector, c.vector)
-        and _may_lie_elsewhere(e.problem, f.vector)
+        and may_lie_elsewhere(e.problem, f.vector)
     ]
 
     def left(f: Fit, clocks: Clocks) -> float:
@@ -73,9 +73,9 @@ def _kicks_otherwise(problem: Problem, vector: Array, usual: Array) -> bool:
     )
 
 
-def _may_lie_elsewhere(problem: Problem, vector: Array) -> bool:
-    """Whether the force of some drive is clearer beside the twin of `vector` where all ticks of `problem` lie
-    elsewhere, however late answers are, or ticks are not known or are no drive's own."""
+def may_lie_elsewhere(problem: Problem, vector: Array) -> bool:
+    """Whether the force of some drive is clearer beside the twin of `vector` (P,) where all ticks of
+    `problem` lie elsewhere, however late answers are, or ticks are not known or are no drive's own."""
     known = {key: x for key, x in problem.clocks.items() if isinstance(x, Ticks)}
     keys = [(k, a) for k in range(len(problem.pieces)) for a in problem.rig.actuator_names]
     if problem.rig.bus.retimed or len(known) < len(keys):

@@ -30,6 +30,8 @@ RIDGE: Final = 1e-6
 FEW: Final = 2
 MANY: Final = 40
 """Starts of a leaf that are judged robustly: the best by squares, or nearly all."""
+LOOKED_AT: Final = 24
+"""Leaves beside others that are judged robustly: those that take most by squares."""
 NEAR_RANGE: Final = (0.8, 1.25)
 """Amplitudes of effects whose columns are what they do only near a start."""
 ROBUST: Final = 4
@@ -64,6 +66,7 @@ class Search:
         self.bank = bank
         rows = c.train
         self._A = c.jacobian[rows]
+        self._AT = np.ascontiguousarray(self._A.T)
         # One column after the other in memory: sets of few columns are what is asked for.
         T = np.empty((int(rows.sum()), bank.columns.shape[1]), dtype=np.float32, order="F")
         for first in range(0, T.shape[1], 32):
@@ -138,11 +141,19 @@ class Search:
         return _best_first(out)
 
     def with_one_more(self, p: Proposal, further: Iterable[int]) -> list[Proposal]:
-        """`p`, its starts as they are, with each of the leaves `further` beside it, best first."""
+        """`p`, its starts as they are, with each of the leaves `further` beside it, best first: of those
+        that take most by squares, LOOKED_AT and all limits, whose squares say little."""
         kept = [(s,) for s, _ in p.starts]
-        return _best_first(
-            self.set_of((*p.leaves, k), (*kept, range(len(self.bank.places[k])))) for k in further
-        )
+        found = [
+            (
+                (*p.leaves, k),
+                self._by_squares((*p.leaves, k), (*kept, range(len(self.bank.places[k])))),
+            )
+            for k in further
+        ]
+        found.sort(key=lambda x: -x[1][0][0].gain if x[1] else np.inf)
+        limits = [x for x in found[LOOKED_AT:] if self.bank.leaves[x[0][-1]].effect in LIMITS]
+        return _best_first(self._best_of(*x) for x in (*found[:LOOKED_AT], *limits))
 
     def set_of(
         self, leaves: tuple[int, ...], only: Sequence[Sequence[int]] | None = None
@@ -153,8 +164,14 @@ class Search:
         robustly, for an impact that comes a little early is worse than none in squares and still the right
         idea.
         """
-        found: list[_Found] = []
         options = only or [range(len(self.bank.places[k])) for k in leaves]
+        return self._best_of(leaves, self._by_squares(leaves, options))
+
+    def _by_squares(
+        self, leaves: tuple[int, ...], options: Sequence[Sequence[int]]
+    ) -> list[_Found]:
+        """A set of leaves with each of the starts `options`, best first by squares."""
+        found: list[_Found] = []
         for starts in itertools.product(*options):
             columns = [self.bank.places[k][s] for k, s in zip(leaves, starts, strict=True)]
             index = [i for c in columns for i in c]
@@ -167,7 +184,10 @@ class Search:
                 for a in (best, np.ones(1)) if self._is_finite(leaves) else (best,):
                     parts = tuple(zip(starts, np.split(a, ends), strict=True))
                     found.append(self._found(Proposal(leaves, parts, gain, self._z), moves, index))
-        found.sort(key=lambda x: -x[0].gain)
+        return sorted(found, key=lambda x: -x[0].gain)
+
+    def _best_of(self, leaves: tuple[int, ...], found: Sequence[_Found]) -> Proposal | None:
+        """The most robust of what was `found` of a set of leaves, best first by squares."""
         few = found[: MANY if self._is_finite(leaves) else FEW]
         gains = self._worth([p for p, *_ in few])
         real = [
@@ -244,7 +264,7 @@ class Search:
         """Robust gain (nats of the loss that fits use) of each proposal, nuisances along with it."""
         if not proposals:
             return []
-        moves = np.array([p.z - self._z for p in proposals]) @ self._A.T
+        moves = np.array([p.z - self._z for p in proposals]) @ self._AT
         gains = []
         for change, p in zip(moves, proposals, strict=True):
             a = np.concatenate([a for _, a in p.starts])

@@ -12,8 +12,11 @@ from hil.gap.fits.shares import explained
 
 ADDS: Final = 0.4
 OWN: Final = 0.7
-"""Of what the others leave, the least that a further effect must explain, of all or on the signals that it
-alone touches: less is how laws differ."""
+"""Of what the others leave, the least that a further effect must explain, of all or on the signals that are
+its own: less is how laws differ."""
+DONE: Final = 0.5
+"""Of what stands on a signal, from which on it is theirs who explain it: a platform carries what one leg
+does to the forces of all."""
 BROUGHT_BACK: Final = 6.0
 """Nats of the nuisances' priors that a further effect saves which had been hidden in them: on healthy records
 no effect saves more than 5 beside a few nats of evidence."""
@@ -26,15 +29,15 @@ def cost_of(c: Calibrated, f: Fit) -> float:
 
 def adds(c: Calibrated, fits: Sequence[Fit], joint: Fit, least: float = ADDS) -> bool:
     """Whether each effect of a set explains more than a share `least` of what the others leave, or most of it
-    on the signals that it alone touches, or brings nuisances back, as far as those are among `fits`."""
+    on signals of which they leave most, or brings nuisances back, as far as those are among `fits`."""
     names = {leaf.name for leaf in joint.leaves}
     parts = [f for f in fits if {leaf.name for leaf in f.leaves} < names]
     return all(goes_further(c, f, joint, least) for f in parts)
 
 
 def goes_further(c: Calibrated, f: Fit, joint: Fit, least: float = ADDS) -> bool:
-    """Whether a set explains more than a share `least` of what `f` leaves, or most of it on the signals that
-    `f` does not touch, or brings back nuisances that `f` leaves far off."""
+    """Whether a set explains more than a share `least` of what `f` leaves, or most of it on signals of
+    which `f` leaves most, or brings back nuisances that `f` leaves far off."""
     return (
         explained(c, f, joint) > least
         or _owns(c, f, joint)
@@ -43,7 +46,14 @@ def goes_further(c: Calibrated, f: Fit, joint: Fit, least: float = ADDS) -> bool
 
 
 def _owns(c: Calibrated, f: Fit, joint: Fit) -> bool:
-    """Whether what a set adds to `f` explains most of what stands on the signals that it alone touches."""
-    shared = touched(c, replace(f, residual=c.residual), f)
-    signals = [s for s in touched(c, f, joint) if s not in shared]
+    """Whether what a set adds to `f` explains most of what stands on the signals of which `f` leaves most;
+    none of those that it makes worse."""
+    none = replace(f, residual=c.residual)
+    before, after = (c.noise.weighted_rms(c.problem, r) for r in (none.residual, f.residual))
+    done = {
+        s
+        for s in touched(c, none, f)
+        if after[s] > before[s] or explained(c, none, f, signals=(s,)) > DONE
+    }
+    signals = set(touched(c, f, joint)) - done
     return bool(signals) and explained(c, f, joint, signals=signals) > OWN
