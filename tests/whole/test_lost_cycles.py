@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from hil.configfile import load_rig
+from hil.gap.fits import frames
 from hil.gap.fits.frames import SETPOINTS, fit_lost_frames
 from hil.gap.fits.heldout import split
 from hil.gap.fits.training import begin
@@ -18,8 +19,8 @@ GONE = slice(150, CYCLES, 61)
 STALL_S = 0.017
 
 
-def record(*, stalls: bool) -> pd.DataFrame:
-    """A motorcycle platform whose drives never saw what was sent in cycles GONE; `stalls`: saw it, and what
+def record(*, stalls: bool, gone: slice = GONE) -> pd.DataFrame:
+    """A motorcycle platform whose drives never saw what was sent in cycles `gone`; `stalls`: saw it, and what
     follows within STALL_S, that much after the first of it was sent."""
     rng, bus = np.random.default_rng(4), RIG.bus
     t = np.arange(CYCLES) * bus.cycle
@@ -37,7 +38,7 @@ def record(*, stalls: bool) -> pd.DataFrame:
             heard[a.name] = np.where(waits, begins + STALL_S + 1e-4 * k, sent[a.name]), told[a.name]
         else:
             seen = np.ones(CYCLES, dtype=bool)
-            seen[GONE] = False
+            seen[gone] = False
             heard[a.name] = sent[a.name][seen], told[a.name][seen]
         for q, late_s in (("position", 0.0031), ("force", 0.0044)):
             stamps[f"{a.name}.{q}"] = t + 0.001 * k + late_s
@@ -62,3 +63,12 @@ def test_whole_cycles_that_a_bus_loses_are_lost_frames_and_what_a_host_sends_lat
         assert found is not None
         share = found.values[found.names.index(SETPOINTS)]
         assert share == pytest.approx(len(range(CYCLES)[GONE]) / CYCLES, rel=0.3)
+
+
+def test_frames_that_take_a_drive_further_from_where_it_stood_were_not_lost(monkeypatch):
+    e = locate(record(stalls=False, gone=slice(0)), RIG).evidence
+    c, none = begin(e, split(e.problem, e.noise, e.residual), nuisances_of(e.problem), {}, 0)
+    wrong = {a: np.empty(0, dtype=np.int64) for a in RIG.actuator_names}
+    wrong["leg1"] = np.arange(405, 410)
+    monkeypatch.setattr(frames, "_find", lambda c, base: ([wrong], [wrong]))
+    assert fit_lost_frames(c, none) is None

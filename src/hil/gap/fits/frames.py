@@ -65,6 +65,7 @@ def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
     if any(p.mode != "position" for p in problem.pieces):
         return None
     lost, plain = _find(c, base)
+    lost = _borne_out(c, base, lost)
     frames = count(lost)
     if frames < PLAIN[0]:
         return None
@@ -88,6 +89,20 @@ def fit_lost_frames(c: Calibrated, base: Fit) -> Fit | None:
         vector=vector, residual=residual, white=white,
         extra_cost=base.extra_cost + ODDS * frames,
     )  # fmt: skip
+
+
+def _borne_out(c: Calibrated, base: Fit, lost: list[Lost]) -> list[Lost]:
+    """Those of `lost` beside which the positions of their own drive are no further off: three of one leg had
+    stood for how the spring of another law rings in the IMU."""
+    found = bursts_of(lost, c.problem.pieces)
+    if not found:
+        return lost
+    more = loss(_left(c, base, lost)) - loss(base.white)
+    placed = np.zeros(c.problem.size, dtype=bool)
+    for x in c.problem.series:
+        placed[x.part] = x.quantity == "position"
+    worse = [b for b in found if np.sum(more[_near(c.problem, b) & placed]) > ODDS]
+    return replaced(lost, [(b, np.empty(0, dtype=np.int64)) for b in worse])
 
 
 def _gone(c: Calibrated, before: Array, after: Array, lost: Sequence[Lost]) -> float:
