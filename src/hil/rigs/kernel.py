@@ -43,20 +43,17 @@ __all__ = ["AXIS", "MOTORCYCLE", "PENDULUM", "STEWART", "platform_motion", "term
 
 @inner
 def twist_terms(kind, geometry, body, legs, gravity, R, k, Mw, hw, rho, Jw, jw):  # type: ignore[no-untyped-def]
-    """M_W Wd + h_W = J_W^T F + constraint wrench; rho; rho_ddot = J_W Wd + j_w.
+    """M_W Wd + h_W = J_W^T F + constraint wrench; rho; rho_ddot = J_W Wd + j_w, but of an AXIS, which
+    only moves along a line (`_along`).
 
     R and k from `platform_twist`. Fills Mw (6,6), hw (6,), rho (n,), Jw (n,6), jw (n,).
     """
     body_terms(body, gravity, R, k, Mw, hw)
-    if kind in (AXIS, PENDULUM):
-        first = 0 if kind == AXIS else 3
-        for i in range(6):
-            Jw[0, i] = geometry[i - first] if first <= i < first + 3 else 0.0
+    if kind == PENDULUM:
+        for i in range(3):
+            Jw[0, i] = 0.0
+            Jw[0, 3 + i] = geometry[i]
         jw[0] = 0.0
-        if kind == AXIS:  # the actuator's moving part travels with the load
-            for i in range(3):
-                Mw[i, i] += legs[0, 3]
-                hw[i] -= legs[0, 3] * gravity[i]
         return
     wx, wy, wz = k[6], k[7], k[8]
     w_w = wx * wx + wy * wy + wz * wz
@@ -103,7 +100,7 @@ def twist_terms(kind, geometry, body, legs, gravity, R, k, Mw, hw, rho, Jw, jw):
 
 @inner
 def _along(direction, mass, gravity, M, h, J):  # type: ignore[no-untyped-def]
-    """M, h and J of a mass that only moves along `direction`: `twist_terms` projected, without tensors."""
+    """M, h and J of a mass that only moves along `direction`."""
     x = direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]
     J[0, 0] = x
     M[0, 0] = mass * x
@@ -166,6 +163,7 @@ def terms_in(memory, kind, geometry, body, legs, gravity, q, qd, M, h, rho, J, j
     R, A, k, Mw, hw, Jw, jw, X = memory
     platform_twist(kind, geometry, q, qd, R, A, k)
     if kind == AXIS:
+        # the actuator's moving part travels with the load
         _along(geometry, body[0] + legs[0, 3], gravity, M, h, J)
         rho[0] = q[0]
         jdqd[0] = 0.0
