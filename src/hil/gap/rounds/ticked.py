@@ -30,8 +30,7 @@ Array = NDArray[np.float64]
 LESS: Final = 10.0
 """Nats by which ticks beside a fit must explain more than those beside the twin without effects."""
 ABOUT: Final = 16
-"""Places in a tick that are looked at beside a fit before ticks are looked for: that costs twenty times as
-much."""
+"""Places in a tick that are looked at beside a fit before ticks are looked for, which costs far more."""
 
 
 def clocks_beside(located: Located, c: Calibrated, fits: Sequence[Fit]) -> Clocks | None:

@@ -55,5 +55,5 @@ def _owns(c: Calibrated, f: Fit, joint: Fit) -> bool:
         for s in touched(c, none, f)
         if after[s] > before[s] or explained(c, none, f, signals=(s,)) > DONE
     }
-    signals = set(touched(c, f, joint)) - done
+    signals = [s for s in touched(c, f, joint) if s not in done]
     return bool(signals) and explained(c, f, joint, signals=signals) > OWN
