@@ -120,6 +120,19 @@ def test_commands_are_answered(running, rig):
     assert "there is no command 'fly'" in rig.command("fly").message
 
 
+def test_a_finish_is_of_the_session_whose_cues_they_were(running):
+    """Two of one name: the one that is done may not park the other's ride."""
+    one, two = (RigClient(running.rig.name, running.endpoint, name="same") for _ in range(2))
+    with one, two:
+        one.cue()
+        two.command("finish")
+        one.command("finish")
+    (cue,) = until(running.control.cues)
+    theirs, own = until(lambda: len(c := running.control.commands()) == 2 and c)
+    assert (own.argument, theirs.argument.partition("@")[0]) == (cue.client, "same")
+    assert theirs.argument != own.argument
+
+
 @pytest.mark.parametrize("name", ["", "arm/*", "**", "a b", "ümlaut", "arm?x=1"])
 def test_names_that_are_no_part_of_a_key_are_refused_at_once(running, rig, name):
     with pytest.raises(ProtocolError, match="is no name"):

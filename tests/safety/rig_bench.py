@@ -19,7 +19,7 @@ from hil.safety import (
 )
 
 DT = 0.01
-CLIENT = "rider"
+CLIENT = "rider@1a2b3c4d"
 SETTINGS = StateSettings(
     names=("left", "right"),
     answer_timeout_s=0.1,

@@ -260,9 +260,9 @@ def test_stop_holds_on_the_spot_until_park_or_disarm(bench: Bench) -> None:
     assert bench.step().motion is MotionGoal.PARK
 
 
-def test_a_client_that_is_done_parks_the_rig_that_it_moves(bench: Bench) -> None:
+@pytest.mark.parametrize("name", [CLIENT, CLIENT.partition("@")[0]], ids=["session", "name alone"])
+def test_a_client_that_is_done_parks_the_rig_that_it_moves(bench: Bench, name: str) -> None:
     bench.engaged()
-    name = CLIENT.partition("@")[0]
     assert bench.ask(Command.FINISH, name) == (True, "the rig parks")
     assert bench.step().motion is MotionGoal.PARK
     assert bench.ask(Command.FINISH, name)[0]
@@ -282,9 +282,10 @@ def test_a_client_that_is_done_moves_nothing_that_a_person_has_stopped(bench: Be
     assert bench.step().power is PowerGoal.OFF
 
 
-def test_a_client_that_is_done_leaves_the_rig_to_whom_it_follows(bench: Bench) -> None:
+@pytest.mark.parametrize("other", ["other", CLIENT.partition("@")[0] + "@another", ""])
+def test_a_client_that_is_done_leaves_the_rig_to_whom_it_follows(bench: Bench, other: str) -> None:
     bench.engaged()
-    ok, text = bench.ask(Command.FINISH, "other")
+    ok, text = bench.ask(Command.FINISH, other)
     assert (ok, CLIENT in text) == (False, True)
     assert bench.state.name is ENGAGED
 

@@ -175,6 +175,7 @@ class RigClient:
             encoding=zenoh.Encoding.APPLICATION_JSON,
             timeout=COMMAND_TIMEOUT_S,
             priority=zenoh.Priority.INTERACTIVE_HIGH,
+            source_info=zenoh.SourceInfo(self._cue.id, 0),  # whose `finish` it is
         )
         for reply in replies:
             if reply.ok is not None:

@@ -143,11 +143,8 @@ class RigSession:
     def _on_cue(self, sample: zenoh.Sample) -> None:
         now_s = time.monotonic()
         size = len(sample.payload)
-        source = sample.source_info
-        client = client_identity(
-            sample.attachment.to_bytes() if sample.attachment is not None else b"",
-            str(source.source_id.zid) if source is not None else "",
-        )
+        name = sample.attachment.to_bytes() if sample.attachment is not None else b""
+        client = client_identity(name, session_of(sample))
         payload = sample.payload.to_bytes() if size <= LARGEST_PAYLOAD else None
         self._cues.put(Arrival(payload, size, client, now_s))
 
@@ -165,6 +162,12 @@ class RigSession:
     def _on_client(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr).rpartition("/")[2]
         self._clients.put((name, sample.kind == zenoh.SampleKind.PUT))
+
+
+def session_of(message: zenoh.Sample | zenoh.Query) -> str:
+    """The id of the session that says it sent `message`; empty where none does."""
+    source = message.source_info
+    return str(source.source_id.zid) if source is not None else ""
 
 
 def client_identity(name: bytes, zid: str) -> str:

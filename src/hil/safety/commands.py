@@ -140,12 +140,21 @@ def _finish(client: str, state: RigState, settings: StateSettings, now_s: float)
         return False, f"the rig is {state.name.value}{_why(state)}: it is left so", state
     if state.name is StateName.READY:
         return False, "the rig follows nobody: it stays ready", state
-    if (state.client or "").partition("@")[0] != client:
+    if not _may_be(client, state.client or ""):
         return False, f"the rig follows {state.client or 'nobody'}, not {client}: it goes on", state
     if state.name is StateName.ENGAGED:
         return True, "the rig parks", state.park(now_s, settings.park_time_s)
     done = "the rig parks" if state.name is StateName.PARKING else "the rig is parked"
     return True, done, replace(state, resume_s=-float("inf"))
+
+
+def _may_be(client: str, followed: str) -> bool:
+    """Whether both are one client: of one name, and of one session where both tell theirs."""
+    (name, _, session), (their_name, _, their_session) = (
+        client.partition("@"),
+        followed.partition("@"),
+    )
+    return name == their_name and (session == their_session or not session or not their_session)
 
 
 def _reset(state: RigState, now_s: float) -> _Outcome:

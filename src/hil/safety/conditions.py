@@ -45,7 +45,7 @@ class Request(NamedTuple):
     request_id: int
     command: Command
     client: str = ""
-    """The name of whose it is, without its session; only `FINISH` asks."""
+    """Whose it is, as its cues call it, or its name without the session; only `FINISH` asks."""
 
 
 class RigInputs(NamedTuple):

@@ -16,7 +16,7 @@ from hil.daemon.gateway.events import Events
 from hil.daemon.gateway.recording import Recording
 from hil.daemon.ipc import Channel
 from hil.daemon.metrics import Metrics
-from hil.daemon.zenoh_session import Arrival, RigSession
+from hil.daemon.zenoh_session import Arrival, RigSession, session_of
 from hil.errors import ProtocolError
 from hil.messages import CommandReply
 
@@ -96,7 +96,7 @@ class Clients:
         name, who = key.rpartition("/")[2], "a client"
         payload = query.payload.to_bytes() if query.payload is not None else None
         try:
-            command = parse_command(name, payload)
+            command = parse_command(name, payload, session_of(query))
         except ProtocolError as error:
             reply = CommandReply(False, str(error))
         else:

@@ -52,8 +52,8 @@ class Command:
         return "" if self.value is None else str(self.value)
 
 
-def parse_command(name: str, payload: bytes | None) -> Command:
-    """The command that a query asks for; ProtocolError says what is wrong with it."""
+def parse_command(name: str, payload: bytes | None, zid: str = "") -> Command:
+    """The command that a query of the session `zid` asks for; ProtocolError says what is wrong with it."""
     if name not in COMMANDS:
         raise ProtocolError(f"there is no command {name!r}; there are {', '.join(COMMANDS)}")
     request = decode(payload, CommandRequest) if payload else CommandRequest()
@@ -68,7 +68,7 @@ def parse_command(name: str, payload: bytes | None) -> Command:
         if not isinstance(value, argument.kind):
             raise ProtocolError(f"{name} needs {argument.name!r}, a {argument.kind.__name__}")
     if name == "finish":
-        value = client_identity(request.client.encode(), "")
+        value = client_identity(request.client.encode(), zid)
     if isinstance(value, str) and len(value.encode()) > NAME_BYTES:
         raise ProtocolError(f"{name}: {value!r} is longer than {NAME_BYTES} bytes")
     return Command(name, value, request.client[:32])
