@@ -86,6 +86,20 @@ def test_one_hub_under_two_names_is_one_hub(rig, tmp_path, monkeypatch):
         RigLock(rig, "hub:hub.sock").acquire()
 
 
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("hub:{}.sock", "hub:{}.sock?node=control"),
+        ("socketcan:{}", "socketcan:{}?filter=371:7ff"),
+        ("socketcan:{}", "python-can:socketcan:{}"),
+    ],
+)
+def test_one_bus_by_two_ways_is_one_bus(rig, tmp_path, monkeypatch, one, other):
+    monkeypatch.chdir(tmp_path)
+    with RigLock(rig, one.format(rig)), pytest.raises(RigInUse, match="bus"):
+        RigLock("another", other.format(rig)).acquire()
+
+
 def test_a_lock_that_was_given_back_can_be_taken_again(rig):
     lock = RigLock(rig, f"socketcan:{rig}")
     for _ in range(2):

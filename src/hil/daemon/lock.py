@@ -29,12 +29,7 @@ class RigLock:
     """
 
     def __init__(self, rig: str, *bus_urls: str) -> None:
-        self._wanted: list[str] = []
-        for url in bus_urls:
-            kind, _, path = url.partition(":")
-            self._wanted.append(
-                f"bus hub:{Path(path).resolve()}" if kind == "hub" else f"bus {url}"
-            )
+        self._wanted = [f"bus {_bus_of(url)}" for url in bus_urls]
         if not all(url.startswith("hub:") for url in bus_urls):
             self._wanted.append(f"rig {rig}")
         self._held: list[socket.socket] = []
@@ -64,6 +59,15 @@ class RigLock:
         tb: TracebackType | None,
     ) -> None:
         self.release()
+
+
+def _bus_of(url: str) -> str:
+    """The bus of a port's `url`, the same however one comes to it: options, a hub's path, the adapter."""
+    scheme, _, rest = url.removeprefix("python-can:").partition(":")
+    if url.startswith("python-can:") and scheme != "socketcan":
+        return url
+    target = rest.partition("?")[0]
+    return f"hub:{Path(target).resolve()}" if scheme == "hub" else f"{scheme}:{target}"
 
 
 def _take(what: str) -> socket.socket:
