@@ -152,11 +152,15 @@ class CommandRequest(Struct, frozen=True, forbid_unknown_fields=True):
     arguments: dict[str, float | str | bool] = {}
 
 
-class CommandReply(Struct, frozen=True):
-    """The answer to a command: whether it was carried out, and a sentence."""
+class CommandReply(Struct, frozen=True, omit_defaults=True):
+    """The answer to a command: whether it was carried out, and a sentence.
+
+    `folder` is the run folder that is being recorded, where that was asked for.
+    """
 
     ok: bool
     message: str
+    folder: str = ""
 
 
 M = TypeVar("M", bound=Struct)

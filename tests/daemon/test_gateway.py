@@ -436,6 +436,7 @@ def test_what_happens_is_recorded_and_the_command_record_switches_it(tmp_path):
         assert again["ok"]
     first, second = sorted((tmp_path / "runs").iterdir())
     assert str(second) in again["message"]
+    assert again["folder"] == str(second)
     assert (first / "run.toml").is_file()
     topics = topics_of(first / "recording.mcap")
     assert topics >= {"/state", "/setpoint", "/drive/leg1", "/cue", "/event"}

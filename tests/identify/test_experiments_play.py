@@ -1,5 +1,8 @@
 """A played experiment leaves a run that says what was played and when each period began."""
 
+import shutil
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -19,7 +22,8 @@ from hil.identify.experiments import (
 )
 from hil.identify.experiments.custom import read_custom
 from hil.identify.experiments.description import EXPERIMENT_CSV, EXPERIMENT_TOML
-from hil.identify.experiments.play import play_simulated
+from hil.identify.experiments.play import play_on_rig, play_simulated
+from hil.messages import CommandReply
 from hil.runs import load_run, read_cue_file
 
 PLAN = Multisine(
@@ -122,6 +126,37 @@ def test_a_rig_that_gives_up_on_the_way_is_told(tmp_path):
         play_simulated(made, rig, text, profiles_of(rig), tmp_path, effects=[weak])
     (folder,) = tmp_path.iterdir()
     assert experiment_of(folder) is None  # half a motion must not be taken for the whole
+
+
+class Daemon:
+    """A client of a daemon that records a copy of `run`, while another rig begins one in the same folder."""
+
+    rig = "axis"
+
+    def __init__(self, run, runs):
+        self._run, self._runs = run, runs
+
+    def states(self):
+        return (SimpleNamespace(state=state, fault="") for state in ("ready", "parked"))
+
+    def command(self, name, on):
+        assert name == "record"
+        if on and not self._runs.exists():
+            for stamp in ("1_another", "2_axis", "3_another"):
+                shutil.copytree(self._run, self._runs / stamp)
+                (self._runs / stamp / EXPERIMENT_TOML).unlink()
+        return CommandReply(True, "", "/where/the/daemon/sees/it/2_axis" if on else "")
+
+
+def test_the_experiment_is_kept_with_the_recording_of_its_own_rig(played, tmp_path, monkeypatch):
+    made, run = played
+    monkeypatch.setattr("hil.identify.experiments.play.stream", lambda *_: None)
+    runs = tmp_path / "runs"
+    daemon = Daemon(run, runs)
+    assert play_on_rig(made, load_rig("axis"), daemon, runs) == runs / "2_axis"
+    assert [f.name for f in runs.iterdir() if experiment_of(f) is not None] == ["2_axis"]
+    with pytest.raises(RunError, match=r"else.2_axis: is not here; .* with --runs"):
+        play_on_rig(made, load_rig("axis"), daemon, tmp_path / "else")
 
 
 def test_a_custom_file_must_stay_the_same(tmp_path):

@@ -63,7 +63,7 @@ class Recording:
     async def start(self) -> CommandReply:
         """Begin a recording, unless one runs."""
         if self.path is not None:
-            return CommandReply(True, f"already recording into {self.path}")
+            return CommandReply(True, f"already recording into {self.path}", str(self.path))
         try:
             recorder = Recorder(self._folder, self._rig_text, self._rig, time.monotonic())
         except RunError as error:
@@ -73,7 +73,7 @@ class Recording:
         self._told = [self._thread]
         if old is not None:
             await asyncio.to_thread(old.stop, "a new recording begins")
-        return CommandReply(True, f"recording into {recorder.path}")
+        return CommandReply(True, f"recording into {recorder.path}", str(recorder.path))
 
     async def stop(self, reason: str) -> CommandReply:
         """End the recording, if one runs; `reason` is kept in its run.toml."""

@@ -19,7 +19,7 @@ from hil.errors import CommandRefused, RunError
 from hil.identify.experiments.description import Played, write_experiment
 from hil.identify.experiments.design import Design
 from hil.identify.experiments.shaped import experiment_cues, lead_s
-from hil.messages import CueMessage
+from hil.messages import CommandReply, CueMessage
 from hil.runs.folder import RECORDING, read_meta
 from hil.runs.mcapfile import McapSource
 from hil.safety import state_settings
@@ -90,9 +90,10 @@ def play_on_rig(
     such a run gets no description.
     """
     need_following(client)
-    before = _folders(runs)
     _record(client, on=False)
-    _record(client, on=True)
+    folder = (
+        runs / Path(_record(client, on=True).folder).name
+    )  # other rigs may record into `runs`, too
     try:
         motion = experiment_cues(design.trajectory, rig, CLIENT)
         stream(client, motion, rig.coordinates, on_progress)
@@ -100,14 +101,12 @@ def play_on_rig(
         _await_parked(client, rig)
         _record(client, on=False)
         _record(client, on=True)
-    made = [f for f in sorted(_folders(runs) - before) if (f / RECORDING).is_file()]
-    if not made:
+    if not (folder / RECORDING).is_file():
         raise RunError(
-            f"{runs}: no recording of {rig.name} was made here; name the folder of its daemon's recordings "
-            "with --runs"
+            f"{folder}: is not here; name the folder of the recordings of {rig.name}'s daemon with --runs"
         )
-    _keep(made[0], design, rig, Played(on="rig", start_s=0.0, endpoint=endpoint))
-    return made[0]
+    _keep(folder, design, rig, Played(on="rig", start_s=0.0, endpoint=endpoint))
+    return folder
 
 
 def motion_start_s(folder: Path, rig: RigFile) -> float:
@@ -150,11 +149,8 @@ def _await_parked(client: RigClient, rig: RigFile) -> None:
             return
 
 
-def _record(client: RigClient, *, on: bool) -> None:
+def _record(client: RigClient, *, on: bool) -> CommandReply:
     reply = client.command("record", on=on)
     if not reply.ok:
         raise CommandRefused(f"{client.rig}: {reply.message}")
-
-
-def _folders(runs: Path) -> set[Path]:
-    return set(runs.iterdir()) if runs.is_dir() else set()
+    return reply
