@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from hil.cli.app import INTERRUPTED
 from hil.configfile import data_folder, find_rig_file, load_rig
 from hil.daemon import service
 from hil.daemon.leaving import control_s, daemon_s
@@ -169,6 +170,10 @@ def test_a_rig_file_that_parks_more_slowly_now_is_told_by_status(root, rig_on_ca
 def unit_values(key):
     text = (data_folder("systemd") / "hild.service").read_text()
     return re.findall(rf"(?m)^{key}=(.*)$", text)
+
+
+def test_a_daemon_that_is_stopped_while_it_starts_has_not_failed():
+    assert unit_values("SuccessExitStatus") == [str(INTERRUPTED)]
 
 
 def test_its_limits_fit_what_the_daemon_does():

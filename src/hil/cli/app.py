@@ -18,6 +18,9 @@ from hil.errors import HilError
 UNTAKEN: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE})
 """How writing to what is open already fails."""
 
+INTERRUPTED: Final = 130
+"""Exit code of what was told to end; hild.service takes it for success."""
+
 app = typer.Typer(
     name="hil",
     cls=LazyGroup,
@@ -52,7 +55,7 @@ def main() -> None:
         complain(str(error))
         sys.exit(2)
     except KeyboardInterrupt:
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
     except OSError as error:
         if error.errno not in UNTAKEN:
             raise
