@@ -16,6 +16,7 @@ from hil.errors import IdentificationError
 from hil.gap.bicycle import RideProblem, diagnose_rides, locate_rides
 from hil.gap.bicycle.either import diagnose_any
 from hil.gap.bicycle.growing import growth
+from hil.gap.bicycle.heard import is_heard
 from hil.gap.bicycle.intervals import furthest
 from hil.gap.bicycle.noise import ride_noise
 from hil.gap.bicycle.nuisances import ride_nuisances
@@ -24,7 +25,9 @@ from hil.gap.bicycle.twin import LEAN_TORQUE
 from hil.gap.bicycle.verdict import leaves_as_much
 from hil.gap.bicycle.wheels import TYRES
 from hil.gap.catalogue.nuisances import Nuisance
-from hil.gap.fits.heldout import Score
+from hil.gap.fits.fit import fit
+from hil.gap.fits.heldout import Score, split
+from hil.gap.fits.training import begin, candidates_of
 from tests.bicycle.rides import run_of
 
 NOMINAL = load_bicycle("bicycle")
@@ -132,6 +135,22 @@ def test_tyres_that_turn_a_bicycle_more_than_its_steer_says_are_no_gap():
     beyond = 0.93 / (1.0 - TYRES.turns_by[0])  # what tyres do on average is not the sensor's
     assert told.value == pytest.approx(beyond, abs=0.006)
     assert told.ci[0] < beyond < told.ci[1]
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        ("sensor_misalignment", "imu", {"x": 0.006, "y": 0.02, "z": 0.008}),
+        ("wheel_radius", "front_wheel", {"scale": 0.93}),
+    ],
+)
+def test_an_imu_that_is_turned_is_no_front_wheel(effect):
+    """Both pitch what the IMU feels, and stand in one class; a wheel turns it about no other axis."""
+    found = diagnose_rides([ridden(short(), 26, effect)], NOMINAL)
+    first, second = found.causes[:2]
+    assert (first.effect, first.location) == effect[:2]
+    assert {first.effect, second.effect} == {"sensor_misalignment", "wheel_radius"}
+    assert second.probability > 0.02
 
 
 @pytest.mark.parametrize(
@@ -490,6 +509,20 @@ def test_what_a_nuisance_explains_nearly_as_well_is_no_effect(turned, less, is_e
         exceeds_calibration(named, [Nuisance("imu.sensor_misalignment.y", 0.003, "rad")])
         is is_effect
     )
+
+
+@pytest.mark.parametrize(("signal", "is_asked"), [("imu.accel_y", False), ("imu.gyro_z", True)])
+def test_a_signal_that_is_mostly_noise_has_no_scale_to_be_found(healthy, signal, is_asked):
+    """In coordinated curves an accelerometer feels nothing across: what is predicted of it has the noise of
+    the inclinometer, and fits better with less of it."""
+    e = locate_rides([healthy], NOMINAL).evidence
+    chosen = list(ride_nuisances(NOMINAL, e.problem))
+    c, none = begin(e, split(e.problem, e.noise, e.residual), chosen, {}, 0)
+    leaf = next(x for x in candidates_of(c, none, ()).leaves if x.name == f"{signal}.sensor_scale")
+    f = fit(c, [leaf], {f"{leaf.name}.scale": 0.98})
+    assert f is not None
+    assert is_heard(c, f) is is_asked
+    assert (float(f.values[0]) < 0.9) is not is_asked
 
 
 def test_a_nuisance_that_is_to_explain_nothing_stays_where_a_reference_left_it(healthy):

@@ -170,7 +170,7 @@ PLATFORM: Effects = {
     "static_force_feedback": (Spec("scale", "1", 1.0, 0.0, 2.0, 0.02),),
     "base_tilt": _vector("rad", ("roll", "pitch"), 0.3, 0.01),
 }
-MISALIGNMENT: Effects = {"sensor_misalignment": _vector("rad", ("x", "y", "z"), 0.5, 0.02)}
+MISALIGNMENT: Effects = {"sensor_misalignment": _vector("rad", ("x", "y", "z"), 0.5, 0.01)}
 GEOMETRY: Effects = {"geometry_error": _vector("m", ("x", "y", "z"), 0.1, 2e-3)}
 CLOCK: Effects = {"clock_drift": (Spec("rate", "s/s", 0.0, -0.01, 0.01, 2e-4),)}
 BUS: Effects = {

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from hil.gap.bicycle.heard import is_heard
 from hil.gap.catalogue.nuisances import LIMIT
 from hil.gap.fits.fit import fit
 from hil.gap.fits.fitted import Calibrated, Fit
@@ -105,7 +106,7 @@ def fit_alone(c: Calibrated, search: Search, leaves: Sequence[Leaf], say: Report
             continue
         say(f"fitting {leaf.name} ({k + 1})")
         found = fit(c, [leaf], start, p.z)
-        if found is not None:
+        if found is not None and is_heard(c, found):
             out.append(found)
     for f in _sprung(c, out, leaves, say):
         same = [x for x in out if x.is_of(f.leaves)]

@@ -42,6 +42,9 @@ looks like one that was taken away is more often a drive that pushes harder than
 ADDED: Final = ("payload_mass.mass", "actuator_inertia.mass")
 STUCK: Final = 6.0
 """Such units that a parameter at its bound costs: what wants more than any rig has is another effect."""
+VECTORS: Final = frozenset({"sensor_misalignment"})
+"""Effects whose parameters are the components of one thing, and determined as one: a turned IMU is no law of
+three parameters where a wheel that pitches it is one of one."""
 PEAKS: Final = 5.0
 """Nats by which friction with a peak at rest must explain more than without it, to have that peak."""
 RANGE: Final = 10.0
@@ -122,7 +125,7 @@ def weigh(c: Calibrated, fits: Sequence[Fit]) -> tuple[list[Weighed], float]:
     logs = likely + costs
     real = np.array([bool(f.leaves) for f in fits])
     unit = max(1.0, RELATIVE * float(logs.max() - logs[~real].max()))
-    told = np.array([np.sum(_felt(c, f, loose) < TOLD) for f in fits])
+    told = np.array([_told(c, f, loose) for f in fits])
     for k, held in (*_peaks(fits, logs), *asked_for):
         told[k] = min(told[k], *told[held])
     ends = np.array([len(f.at_bound) for f in fits])
@@ -307,6 +310,16 @@ def _felt(c: Calibrated, f: Fit, loose: float) -> Array:
         for p, v in zip(entries, f.values.tolist(), strict=True)
     ]
     return np.asarray(spread / np.array(free))
+
+
+def _told(c: Calibrated, f: Fit, loose: float) -> int:
+    """How many parameters of a fit these data determine; a vector is one thing, whatever it points to."""
+    is_told = dict(zip(f.names, (_felt(c, f, loose) < TOLD).tolist(), strict=True))
+    total = sum(is_told.values())
+    for leaf in f.leaves:
+        if leaf.effect in VECTORS:
+            total -= max(sum(is_told.get(n, False) for n in leaf.parameters) - 1, 0)
+    return int(total)
 
 
 def distance(c: Calibrated, a: Fit, b: Fit) -> float:

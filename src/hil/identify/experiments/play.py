@@ -91,9 +91,8 @@ def play_on_rig(
     """
     need_following(client)
     _record(client, on=False)
-    folder = (
-        runs / Path(_record(client, on=True).folder).name
-    )  # other rigs may record into `runs`, too
+    # Other rigs may record into `runs`, too.
+    folder = runs / Path(_record(client, on=True).folder).name
     try:
         motion = experiment_cues(design.trajectory, rig, CLIENT)
         stream(client, motion, rig.coordinates, on_progress)
