@@ -38,7 +38,7 @@ def _together(name: str, found: list[dict[str, Any]]) -> str:
     """One mark of all exams that have it."""
     values, counts = [m["value"] for m in found], [m["count"] for m in found]
     if "median" in name or "Brier" in name:
-        return f"{min(values):.3g} to {max(values):.3g}"
+        return " to ".join(f"{v:.3g}" for v in sorted({min(values), max(values)}))
     total = sum(counts)
     hits = sum(v * n for v, n in zip(values, counts, strict=True))
     if "size" in name or "states" in name:

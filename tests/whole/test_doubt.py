@@ -57,6 +57,17 @@ def test_what_varies_is_set_off_against_what_explains_the_same_and_nothing_else(
         assert share == pytest.approx(expected, rel=0.25, abs=1e-3)
 
 
+def test_what_is_left_of_a_gap_of_hundreds_of_floors_is_held_against_all_of_it():
+    """A limit that is up to a twentieth off from first to last, beside noise of one floor."""
+    rng, past = np.random.default_rng(0), np.linspace(-1.0, 1.0, 4000)
+    trace = 500.0 * np.sin(np.linspace(0.0, 60.0, 4000))
+    noise = rng.standard_normal(4000)
+    varied = (past * trace)[:, None]
+    share = constancy._of_energy(trace + noise, 0.05 * past * trace + noise, trace[:, None], varied)
+    assert share == pytest.approx(0.05**2 / 3.0, rel=0.05)
+    assert share < constancy.FAINT
+
+
 @pytest.mark.parametrize(
     ("names", "values", "usual"),
     [
