@@ -50,6 +50,16 @@ def test_a_gateway_that_hangs_parks_the_rig_and_ends_the_daemon_with_an_error(ri
     assert "says nothing for 5 s: the rig parks and the daemon ends" in said(riding)
 
 
+def test_a_gateway_that_never_comes_up_ends_the_daemon_and_is_named(bench):
+    bench.simulate()
+    bench.control = bench.daemon()
+    wait_for(lambda: children_of(bench.control.pid))
+    (gateway,) = children_of(bench.control.pid)
+    os.kill(gateway, signal.SIGSTOP)
+    assert bench.control.wait(60.0) == 1
+    assert "the gateway process has not come up in 20 s" in said(bench)
+
+
 def said(bench: Bench) -> str:
     """What the daemon, which has ended, wrote."""
     bench.processes.remove(bench.control)

@@ -44,7 +44,8 @@ LOAD_S: Final = 0.5
 TELL_S: Final = 0.004
 """Least time between two datagrams to the gateway: a wake of it for each cycle of 1 ms would cost it dear."""
 GATEWAY_START_S: Final = 15.0
-"""The gateway gets so long to come up before the rig is run without; it is disarmed until then anyway."""
+"""The gateway gets so long to come up, and then GATEWAY_HUNG_S more: nothing is recorded before it is there,
+and the rig is disarmed."""
 GATEWAY_HUNG_S: Final = 5.0
 """A gateway that lives and says nothing for so long will not come back: the rig has parked by then, and
 whoever started the daemon had better start it anew."""
@@ -105,6 +106,7 @@ class ControlProcess:
         self._tell_s = now_s
         self._alive_s = now_s
         self._gateway_s = now_s
+        self._has_gateway = False
         self.gateway_died = False
         """The gateway process ended before this one, or hangs."""
         self._done: asyncio.Future[None]
@@ -215,6 +217,7 @@ class ControlProcess:
             elif isinstance(record, GatewayAlive):
                 self._core.gateway_alive(now_s)
                 self._gateway_s = now_s
+                self._has_gateway = True
                 self._stop_waiting()
         if not self._channel.is_open:
             asyncio.get_running_loop().remove_reader(self._channel.fileno())
@@ -246,6 +249,10 @@ class ControlProcess:
     def _watch_gateway(self, now_s: float) -> None:
         if not self._core.is_ending and now_s - self._gateway_s > GATEWAY_HUNG_S:
             text = f"the gateway process says nothing for {GATEWAY_HUNG_S:g} s"
+            if not self._has_gateway:
+                text = (
+                    f"the gateway process has not come up in {GATEWAY_START_S + GATEWAY_HUNG_S:g} s"
+                )
             self._lose_gateway(now_s, "gateway_hung", text)
 
     def _lose_gateway(self, now_s: float, name: str, text: str) -> None:
