@@ -12,10 +12,17 @@ from tests.gap.twin_runs import AXIS, effect, record
 from tests.whole.session import ridden
 
 
-def test_a_zero_that_is_off_by_half_of_one_answers_noise_is_no_gap() -> None:
+@pytest.mark.parametrize(("off", "is_finding"), [(0.5, False), (5.0, False), (15.0, True)])
+def test_a_zero_that_is_as_far_off_as_homing_repeats_is_no_gap(
+    off: float, is_finding: bool
+) -> None:
+    """In spreads of one answer's noise, 20 µm."""
     frame = record()
-    frame["axis.position"] += 0.5 * AXIS.noise.position
-    assert diagnose(frame, AXIS).verdict == "no_gap"
+    frame["axis.position"] += off * AXIS.noise.position
+    found = diagnose(frame, AXIS)
+    named = [(x.effect, x.location) for x in found.effects]
+    assert named == ([("sensor_bias", "axis.position")] if is_finding else []), found.sentence
+    assert found.verdict == ("identified" if is_finding else "no_gap"), found.sentence
 
 
 @pytest.mark.parametrize("late_s", [-0.5e-3, 0.5e-3])
