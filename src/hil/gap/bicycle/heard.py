@@ -23,12 +23,17 @@ across has 1.0 to 1.2 and 3.6, all others 18 and more: tuning seed 1959]."""
 
 
 def is_heard(c: Calibrated, f: Fit) -> bool:
-    """Whether the signal whose scale a fit of one effect has stands above its noise; True of others."""
-    (leaf,) = f.leaves
+    """Whether every signal whose scale a fit has stands above its noise."""
     p = c.problem
-    mine = [x for x in p.series if x.signal == leaf.location]
-    if leaf.effect != EFFECT or not mine:
-        return True
-    column = sensitivities(c, f.vector, p.measured - f.residual, f.names)[:, 0]
-    rows = np.concatenate([np.flatnonzero(c.train[x.part]) + x.part.start for x in mine])
-    return bool(np.sqrt(np.mean(column[rows] ** 2)) > HEARD)
+    parts = {
+        f"{leaf.name}.scale": [x.part for x in p.series if x.signal == leaf.location]
+        for leaf in f.leaves
+        if leaf.effect == EFFECT
+    }
+    names = [name for name, mine in parts.items() if mine]
+    columns = sensitivities(c, f.vector, p.measured - f.residual, names)
+    for name, column in zip(names, columns.T, strict=True):
+        seen = np.concatenate([column[x][c.train[x]] for x in parts[name]])
+        if np.sqrt(np.mean(seen**2)) < HEARD:
+            return False
+    return True

@@ -79,7 +79,9 @@ def fit_sets(
                     continue
                 say("fitting " + " + ".join(x.name for x in some))
                 joint = fit(c, some, {**relative(c, head), **start}, p.z, found=head.names)
-                if joint is not None and _cost_on(c)(joint) < _cost_on(c)(head) - least:
+                if joint is None or _cost_on(c)(joint) > _cost_on(c)(head) - least:
+                    continue
+                if is_heard(c, joint):
                     tried[key] = joint
     alone = [f for f in tried.values() if len(f.leaves) == 1]
     for f in _exchanged(c, alone, list(tried.values()), say):
