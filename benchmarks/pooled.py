@@ -16,8 +16,8 @@ from hil.exam.intervals import share
 
 SHOWN: Final = 0
 """Which group of a marks file: all cases at 3 times the floor and more."""
-BARE: Final = 3
-"""Up to how many times 20 cases a share stands as a count, "41 of 47"."""
+BARE: Final = 60
+"""Cases below which a share stands as a count, "41 of 47"."""
 
 
 def pooled(files: Sequence[Path]) -> list[tuple[str, str]]:
@@ -37,6 +37,8 @@ def pooled(files: Sequence[Path]) -> list[tuple[str, str]]:
 def _together(name: str, found: list[dict[str, Any]]) -> str:
     """One mark of all exams that have it."""
     values, counts = [m["value"] for m in found], [m["count"] for m in found]
+    if name.startswith("parameter error"):  # medians, too
+        return " to ".join(f"{100.0 * v:.1f}" for v in sorted({min(values), max(values)})) + " %"
     if "median" in name or "Brier" in name:
         return " to ".join(f"{v:.3g}" for v in sorted({min(values), max(values)}))
     total = sum(counts)
@@ -44,7 +46,7 @@ def _together(name: str, found: list[dict[str, Any]]) -> str:
     if "size" in name or "states" in name:
         return f"{hits / total:.2f}"
     right = round(hits)
-    if total < 20 * BARE:
+    if total < BARE:
         return f"{right} of {total}"
     s = share([True] * right + [False] * (total - right))
     value, low, high = (100.0 * x for x in (s.value, s.low, s.high) if x is not None)

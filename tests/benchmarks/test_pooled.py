@@ -22,12 +22,12 @@ def files(tmp_path):
     first = [
         ("top-1 by class", 0.9, 50), ("false alarms on null cases", 0.0, 10), ("never", None, 0),
         ("expected calibration error", 0.1, 4), ("mean size of the 90 % set", 1.0, 10),
-        ("time for 30 s of record, median", 9.0, 60),
+        ("time for 30 s of record, median", 9.0, 60), ("parameter error, all parameters", 0.011, 60),
     ]  # fmt: skip
     second = [
         ("top-1 by class", 1.0, 50), ("false alarms on null cases", 0.1, 20), ("never", None, 0),
         ("expected calibration error", 0.1, 4), ("mean size of the 90 % set", 2.0, 30),
-        ("time for 30 s of record, median", 12.0, 70),
+        ("time for 30 s of record, median", 12.0, 70), ("parameter error, all parameters", 0.0244, 70),
     ]  # fmt: skip
     return [
         exam(tmp_path, "a.json", 60, first, [(0.9, 4, 0.95, 1.0)]),
@@ -42,6 +42,7 @@ def test_shares_are_pooled_by_counts_and_probabilities_by_tenths(files):
     assert rows["false alarms on null cases"] == "2 of 30"
     assert rows["mean size of the 90 % set"] == "1.75"
     assert rows["time for 30 s of record, median"] == "9 to 12"
+    assert rows["parameter error, all parameters"] == "1.1 to 2.4 %"
     # 0.9 to 1: 16 cases, 0.95 stated, 0.925 came; 0.5 to 0.6: 4 cases, 0.5 and 1
     assert rows["expected calibration error"] == f"{(16 * 0.025 + 4 * 0.5) / 20:.3f}"
     assert "never" not in rows
