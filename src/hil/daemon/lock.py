@@ -14,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
+from hil.bus import bus_of
 from hil.errors import RigInUse
 
 _UCRED: Final = struct.Struct("3i")
@@ -29,7 +30,7 @@ class RigLock:
     """
 
     def __init__(self, rig: str, *bus_urls: str) -> None:
-        self._wanted = [f"bus {_bus_of(url)}" for url in bus_urls]
+        self._wanted = [f"bus {_one_name(url)}" for url in bus_urls]
         if not all(url.startswith("hub:") for url in bus_urls):
             self._wanted.append(f"rig {rig}")
         self._held: list[socket.socket] = []
@@ -61,12 +62,11 @@ class RigLock:
         self.release()
 
 
-def _bus_of(url: str) -> str:
+def _one_name(url: str) -> str:
     """The bus of a port's `url`, the same however one comes to it: options, a hub's path, the adapter."""
-    scheme, _, rest = url.removeprefix("python-can:").partition(":")
-    if url.startswith("python-can:") and scheme != "socketcan":
-        return url
-    target = rest.partition("?")[0]
+    scheme, target = bus_of(url)
+    if scheme == "python-can" and target.startswith("socketcan:"):
+        scheme, target = bus_of(target)
     return f"hub:{Path(target).resolve()}" if scheme == "hub" else f"{scheme}:{target}"
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
+from hil.bus import bus_of
 from hil.config import RigFile
 from hil.configfile import data_folder, find_rig_file, load_rig
 from hil.daemon.leaving import daemon_s
@@ -67,8 +68,7 @@ def unit_files(rig: RigFile | None, executable: Path) -> list[Placed]:
 
 def real_interface(rig: RigFile) -> str | None:
     """The SocketCAN interface that has to be brought up for a rig; None for virtual ones and hubs."""
-    scheme, _, rest = rig.can.url.partition(":")
-    interface = rest.partition("?")[0]
+    scheme, interface = bus_of(rig.can.url)
     virtual = interface.startswith(("vcan", "vxcan"))
     return interface if scheme == "socketcan" and not virtual else None
 

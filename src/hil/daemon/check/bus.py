@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from hil.bus.port import open_port
+from hil.bus import bus_of, open_port
 from hil.config import RigFile
 from hil.daemon.check.finding import Finding
 from hil.daemon.service import QUEUE_FRAMES
@@ -23,9 +23,9 @@ Link = dict[str, Any]
 
 def check_bus(rig: RigFile, root: Path) -> list[Finding]:
     """All about the bus of `rig`; interfaces are those below `root`/sys."""
-    scheme, _, rest = rig.can.url.partition(":")
+    scheme, interface = bus_of(rig.can.url)
     if scheme == "socketcan":
-        return [_kernel(), *check_interface(rig, rest.partition("?")[0], root, _ip_link)]
+        return [_kernel(), *check_interface(rig, interface, root, _ip_link)]
     return [_opens(rig)]
 
 
