@@ -18,8 +18,8 @@ from hil.gap.fits.fitted import Calibrated, Fit
 EFFECT: Final = "sensor_scale"
 HEARD: Final = 2.0
 """Times its noise, what the model predicts of a signal at least (root mean square) for its scale to be asked:
-below, even half the scale is off by less than a floor [of healthy rides of the exam's world the accelerometer
-across has 1.0 to 1.2 and 3.6, all others 18 and more: tuning seed 1959]."""
+below, even half the scale is off by less than a floor [set on rides of tuning seed 1959: of three the
+accelerometer across has 1.0 to 1.2 and 3.6, other channels that were asked 18 and more]."""
 
 
 def is_heard(c: Calibrated, f: Fit) -> bool:

@@ -314,12 +314,9 @@ def _felt(c: Calibrated, f: Fit, loose: float) -> Array:
 
 def _told(c: Calibrated, f: Fit, loose: float) -> int:
     """How many parameters of a fit these data determine; a vector is one thing, whatever it points to."""
-    is_told = dict(zip(f.names, (_felt(c, f, loose) < TOLD).tolist(), strict=True))
-    total = sum(is_told.values())
-    for leaf in f.leaves:
-        if leaf.effect in VECTORS:
-            total -= max(sum(is_told.get(n, False) for n in leaf.parameters) - 1, 0)
-    return int(total)
+    one = {n: leaf.name for leaf in f.leaves if leaf.effect in VECTORS for n in leaf.parameters}
+    felt = _felt(c, f, loose).tolist()
+    return len({one.get(n, n) for n, x in zip(f.names, felt, strict=True) if x < TOLD})
 
 
 def distance(c: Calibrated, a: Fit, b: Fit) -> float:
