@@ -97,10 +97,15 @@ def load_settings(path: Path, model: type[S]) -> S:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file; ConfigError where it cannot be read or is no TOML."""
+    return parse_toml(toml_text(path), str(path))
+
+
+def parse_toml(text: str | bytes, source: str) -> dict[str, Any]:
+    """The tables of `text`, which stands in `source`; ConfigError where it is no TOML."""
     try:
-        return tomllib.loads(toml_text(path))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: is no TOML: {error}") from error
+        return tomllib.loads(text if isinstance(text, str) else text.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{source}: is no TOML: {error}") from error
 
 
 def toml_text(path: Path) -> str:

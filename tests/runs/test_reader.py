@@ -13,9 +13,9 @@ import pytest
 from hil.config import RigFile
 from hil.configfile import load_rig
 from hil.errors import RunError
-from hil.messages import SetpointMessage, StateMessage, encode
+from hil.messages import DriveMessage, SetpointMessage, StateMessage, encode, schemas
 from hil.runs import Recorder, export_run, list_runs, load_run, signal_infos
-from hil.runs.mcapfile import McapSource
+from hil.runs.mcapfile import McapSink, McapSource
 
 from .conftest import START_S, position, tell
 
@@ -309,6 +309,14 @@ def test_two_tables_of_one_folder_must_say_the_same(folder: Make, finished: Path
         ),
         (RUN_TOML + '[payload]\nmass = "heavy"', "payload.mass: input should be a valid number"),
         ("format = ", "is no TOML"),
+        (
+            RUN_TOML + "started = 0001-01-01T00:00:00+14:00",
+            "started: value error, 0001-01-01 00:00:00+14:00 is no instant",
+        ),
+        (
+            RUN_TOML + "[recording]\nstart_s = nan",
+            "recording.start_s: input should be a finite number",
+        ),
     ],
 )
 def test_broken_run_toml_gets_its_sentence(folder: Make, meta: str, sentence: str) -> None:
@@ -318,6 +326,22 @@ def test_broken_run_toml_gets_its_sentence(folder: Make, meta: str, sentence: st
     assert sentence in str(caught.value)
     assert "run.toml" in str(caught.value)
     assert list_runs(path.parent)[0].trouble == str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["run.toml", "rig.toml"])
+@pytest.mark.parametrize("text", [b"format = ", b"\xff\xfe"])
+def test_broken_toml_inside_a_bare_mcap_file_gets_its_sentence(
+    tmp_path: Path, name: str, text: bytes
+) -> None:
+    path = tmp_path / "alone.mcap"
+    with path.open("wb") as stream:
+        sink = McapSink(stream, schemas())
+        for attached, data in {"run.toml": RUN_TOML.encode(), name: text}.items():
+            sink.attach(attached, "application/toml", data, 0)
+        sink.write("/drive/leg1", "drive", encode(DriveMessage(0.0, position=0.6)), 0)
+        sink.finish()
+    with pytest.raises(RunError, match=rf"alone\.mcap: {name}: is no TOML"):
+        load_run(path)
 
 
 def test_rows_with_a_cell_too_many_are_no_shifted_columns(folder: Make) -> None:

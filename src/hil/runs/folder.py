@@ -54,7 +54,10 @@ Mode = Literal["position", "force", "ride"]
 
 
 def _utc(instant: datetime) -> datetime:
-    return instant.replace(tzinfo=instant.tzinfo or UTC).astimezone(UTC)
+    try:
+        return instant.replace(tzinfo=instant.tzinfo or UTC).astimezone(UTC)
+    except OverflowError as error:  # the first or last day that there is, in another zone
+        raise ValueError(f"{instant} is no instant in UTC") from error
 
 
 Instant = Annotated[datetime, AfterValidator(_utc)]
@@ -87,7 +90,7 @@ class Payload(BaseModel):
 class Provenance(BaseModel):
     """How a recording of ours came about; `start_s` is the rig's clock at `t` = 0 of the table."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
 
     start_s: float = 0.0
     rig_sha256: str = ""

@@ -6,7 +6,6 @@ finite numbers, a rig file that fits. What is wrong becomes a RunError that name
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ import msgspec
 import pandas as pd
 
 from hil.config import AnyRig, BicycleFile, RigFile
-from hil.configfile import parse_any_rig
+from hil.configfile import parse_any_rig, parse_toml
 from hil.errors import ConfigError, RunError
 from hil.messages import EventMessage
 from hil.runs.content import Content
@@ -211,15 +210,20 @@ def _attached_meta(source: McapSource) -> RunMeta:
     text = source.attachments.get(RUN_TOML)
     if text is None:
         raise RunError(f"{source.path}: is no recording of hil: it carries no {RUN_TOML}")
-    return parse_meta(tomllib.loads(text.decode()), f"{source.path}: {RUN_TOML}")
+    where = f"{source.path}: {RUN_TOML}"
+    try:
+        return parse_meta(parse_toml(text, where), where)
+    except ConfigError as error:
+        raise RunError(str(error)) from error
 
 
 def _attached_rig(source: McapSource, meta: RunMeta) -> AnyRig | None:
     text = source.attachments.get(RIG_TOML)
     if text is None:
         return None
+    where = f"{source.path}: {RIG_TOML}"
     try:
-        rig = parse_any_rig(tomllib.loads(text.decode()), f"{source.path}: {RIG_TOML}")
+        rig = parse_any_rig(parse_toml(text, where), where)
     except ConfigError as error:
         raise RunError(str(error)) from error
     return _fitting(rig, meta, source.path)
