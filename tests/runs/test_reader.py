@@ -16,6 +16,7 @@ from hil.errors import RunError
 from hil.messages import DriveMessage, SetpointMessage, StateMessage, encode, schemas
 from hil.runs import Recorder, export_run, list_runs, load_run, signal_infos
 from hil.runs.mcapfile import McapSink, McapSource
+from hil.signals import Cue, TimedPose
 
 from .conftest import START_S, position, tell
 
@@ -31,6 +32,20 @@ def test_samples_stand_where_they_were_taken(finished: Path) -> None:
     assert len(answered) == 100
     sent = table.dropna(subset="slide.setpoint")
     assert sent["t"].iloc[0] == pytest.approx(0.0022, abs=1e-9)
+
+
+def test_a_later_cue_replaces_all_that_earlier_ones_asked_for_from_its_first_pose_on(
+    recorder: Recorder, rig: RigFile
+) -> None:
+    """Clients that look ahead unlike each other, and one that asks for poses beyond the rig's future."""
+    asked = {0.00: [0.0, 0.3], 0.02: [0.35, 0.4], 0.04: [0.0], 0.06: [0.2, 1.0, 1e300]}
+    for seq, (t, ahead) in enumerate(asked.items()):
+        poses = tuple(TimedPose(dt, (0.1 * seq, 0.0, 0.0)) for dt in ahead)
+        recorder.cue(Cue("simulator", seq, t, START_S + t, poses))
+    recorder.close()
+    cues = load_run(recorder.path).table
+    assert cues["t"].to_numpy() == pytest.approx([0.0, 0.04, 0.26], abs=1e-6)
+    assert cues["cue.yaw"].to_numpy() == pytest.approx([0.0, 0.2, 0.3])
 
 
 def test_columns_are_those_of_the_rig_in_its_order(finished: Path) -> None:
@@ -124,11 +139,13 @@ def test_message_that_breaks_its_schema_is_counted_not_followed(recorder: Record
     recorder._mcap.write("/setpoint", "setpoint", good.replace(b"position", b"torque"), 4)
     recorder._mcap.write("/setpoint", "setpoint", good.replace(b"leg1", b"l\xf3g1"), 5)
     recorder._mcap.write("/elsewhere", "setpoint", b"{}", 6)
+    recorder._mcap.write("/cue", "cue", b'{"seq": 0, "t": 0.0, "poses": [{"yaw": 0.0}]}', 7)
     recorder.close()
     run = load_run(recorder.path)
     assert len(run.table) == 2
     assert run.damage is not None
     assert "3 of /setpoint" in run.damage
+    assert "1 of /cue" in run.damage
 
 
 @pytest.mark.parametrize("line", [b"\x00" * 300 + b"\n", b'{"t": 5000.1, "name": "caf\xe9"}\n'])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
 import msgspec
 
 from hil.config.bicycle import SIGNALS
-from hil.control.track import MERGE_S, MERGE_SHARE
+from hil.control.track import HISTORY_S, MERGE_S, MERGE_SHARE
 from hil.messages import (
     ActuatorState,
     CueMessage,
@@ -35,14 +36,18 @@ _STATE_NUMBERS: Final = (
 
 
 class Content:
-    """What the messages of one recording say; times as they stand there, on the rig's clock."""
+    """What the messages of one recording say; times as they stand there, on the rig's clock.
 
-    def __init__(self) -> None:
+    `future_s`: how far ahead the rig takes poses of a cue, s (`cue.future` of its file).
+    """
+
+    def __init__(self, future_s: float = float("inf")) -> None:
         self.signals = TableBuilder()
         self.states: list[dict[str, Any]] = []
         self.events: list[EventMessage] = []
         self._unreadable: dict[str, int] = {}
-        self._cue: tuple[float, CueMessage] | None = None
+        self._future_s = future_s
+        self._cued: deque[tuple[float, dict[str, float]]] = deque()
         self._takers: dict[str, Callable[[bytes, float], None]] = {
             "/imu": self._taker(ImuMessage, self._take_imu),
             "/ride": self._taker(RideMessage, self._take_ride),
@@ -65,8 +70,8 @@ class Content:
             self._unreadable[topic] = self._unreadable.get(topic, 0) + 1
 
     def finish(self) -> None:
-        """No message follows: what the last cue asked for stands."""
-        self._close_cue(float("inf"))
+        """No message follows: what the last cues asked for stands."""
+        self._settle_cues(float("inf"))
 
     def damage(self) -> str | None:
         """A sentence on messages that could not be decoded, or None."""
@@ -124,28 +129,30 @@ class Content:
         self.states.append(row)
 
     def _take_cue(self, message: CueMessage, t_s: float) -> None:
-        first = message.poses[0]["dt"] if message.poses else 0.0
-        self._close_cue(t_s + first)
-        self._cue = (t_s, message)
-
-    def _close_cue(self, until_s: float) -> None:
-        """A cue's poses count from its receipt on until the next cue's first pose replaces them.
+        """A cue's poses count from its receipt on until a later cue's first pose replaces them.
 
         As in the daemon, that replaces what stands just before it, too: the same pose, a rounding or
-        the network's jitter away.
+        the network's jitter away. Poses too far ahead are dropped there, and here.
         """
-        if self._cue is None:
+        if not all("dt" in pose for pose in message.poses):
+            raise msgspec.ValidationError("a pose of a cue has no dt")
+        poses = [pose for pose in message.poses if pose["dt"] <= self._future_s]
+        if not poses:
             return
-        received, message = self._cue
-        ahead = [pose["dt"] for pose in message.poses]
-        near = max(MERGE_S, MERGE_SHARE * (ahead[1] - ahead[0]) if len(ahead) > 1 else 0.0)
-        for pose in message.poses:
-            t = received + pose["dt"]
-            if t < until_s - near:
-                for coordinate, value in pose.items():
-                    if coordinate != "dt":
-                        self.signals.add(f"cue.{coordinate}", t, value)
-        self._cue = None
+        step = poses[1]["dt"] - poses[0]["dt"] if len(poses) > 1 else 0.0
+        replaced_s = t_s + poses[0]["dt"] - max(MERGE_S, MERGE_SHARE * step)
+        while self._cued and self._cued[-1][0] >= replaced_s:
+            self._cued.pop()
+        self._settle_cues(t_s - HISTORY_S)
+        self._cued.extend((t_s + pose["dt"], pose) for pose in poses)
+
+    def _settle_cues(self, until_s: float) -> None:
+        """What was asked for before `until_s` is replaced no more."""
+        while self._cued and self._cued[0][0] < until_s:
+            t, pose = self._cued.popleft()
+            for coordinate, value in pose.items():
+                if coordinate != "dt":
+                    self.signals.add(f"cue.{coordinate}", t, value)
 
 
 def _oldest(actuators: dict[str, ActuatorState]) -> float:

@@ -167,17 +167,19 @@ def _event(message: EventMessage, start_s: float) -> Event:
 def _load_mcap(path: Path, meta: RunMeta | None, rig: AnyRig | None) -> Run:
     source = McapSource(path)
     content = Content()
-    offset_ns = None if meta is None else _offset_ns(meta)
+    offset_ns: int | None = None
     for message in source:
-        if offset_ns is None:
-            meta = _attached_meta(source)
+        if offset_ns is None:  # attachments come before the first message
+            meta = meta or _attached_meta(source)
             offset_ns = _offset_ns(meta)
+            rig = _fitting(rig, meta, path) or _attached_rig(source, meta)
+            if isinstance(rig, RigFile):
+                content = Content(rig.cue.future)
         content.take(message.topic, message.data, 1e-9 * (message.log_time_ns - offset_ns))
     content.finish()
     damage = "; ".join(filter(None, (source.damage, content.damage())))
     if meta is None:
         raise RunError(f"{path}: holds no message" + (f" ({damage})" if damage else ""))
-    rig = _fitting(rig, meta, path) or _attached_rig(source, meta)
     table = content.signals.table(str(path), signal_order(rig) if rig else ())
     if table.empty:
         raise RunError(f"{path}: holds no sample" + (f" ({damage})" if damage else ""))
