@@ -103,6 +103,15 @@ def test_poses_outside_the_workspace_are_moved_onto_its_limit(guard):
     assert "0.26" in verdict.text
 
 
+def test_what_lies_just_outside_a_limit_is_told_with_the_digits_that_show_it(guard):
+    limit = RIG.limits[1]
+    outside = math.nextafter(limit, 1.0)
+    verdict = guard.check(cue(poses=((0.0, (0.0, outside, 0.0)),)), 1.0)
+    assert f"pitch = {outside!r} lies outside ±{limit!r}" in verdict.text
+    verdict = guard.check(cue(seq=1, t=100000000000.5), 1.0)
+    assert "t = 100000000000.5 s lies outside ±100000000000.0 s" in verdict.text
+
+
 def test_a_pose_exactly_on_the_limit_is_accepted(guard):
     assert guard.check(cue(poses=((0.0, (0.26, -0.26, 0.26)),)), 1.0).name == "accepted"
 

@@ -121,7 +121,7 @@ class CueGuard:
         if not math.isfinite(cue.t_client_s) or not math.isfinite(cue.received_s):
             return "malformed", f"t = {cue.t_client_s} is no time"
         if abs(cue.t_client_s) > MOST_CLOCK_S:
-            return "clock", f"t = {cue.t_client_s:g} s lies outside ±{MOST_CLOCK_S:g} s"
+            return "clock", f"t = {cue.t_client_s} s lies outside ±{MOST_CLOCK_S} s"
         return "", ""
 
     def _limit(self, cue: Cue, rules: dict[str, str]) -> Cue:
@@ -143,7 +143,7 @@ class CueGuard:
             return timed
         for name, value, limit in zip(self._coordinates, timed.pose, self._limits, strict=True):
             if abs(value) > limit:
-                rules["workspace"] = f"{name} = {value:.6g} lies outside ±{limit:g}"
+                rules["workspace"] = f"{name} = {value} lies outside ±{limit}"
         return TimedPose(timed.dt_s, pose)
 
     def _check_speed(self, cue: Cue, rules: dict[str, str]) -> None:
