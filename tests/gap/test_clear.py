@@ -111,7 +111,9 @@ def test_what_answers_as_a_finding_does_is_one_as_well(found, monkeypatch):
     assert found(some, 0.9) == [("sensor_bias",), ("sensor_scale",)]
 
 
-def test_what_may_as_well_be_nothing_is_not_named_beside_others(monkeypatch):
+@pytest.fixture
+def doubtful(monkeypatch):
+    """What is left of weighed fits, of which a delay and lost frames may as well be none."""
     reach = {
         "coulomb_friction": (20.0, 40.0),
         "transport_delay": (-2e-4, 1e-3),
@@ -124,12 +126,27 @@ def test_what_may_as_well_be_nothing_is_not_named_beside_others(monkeypatch):
     monkeypatch.setattr(causes, "_parameters", intervals)
     table = {f"axis.{n}.value": SimpleNamespace(neutral=0.0) for n in reach}
     c = SimpleNamespace(problem=SimpleNamespace(table=table))
+
+    def left(some, is_large=False):
+        return causes.without_doubtful(c, some, 1.0, is_large)
+
+    return left
+
+
+def test_what_may_as_well_be_nothing_is_not_named_beside_others(doubtful):
     late, lost, rubs = (
         weighed(300.0, "coulomb_friction", "transport_delay"),
         weighed(290.0, "coulomb_friction", "lost_frames"),
         weighed(200.0, "coulomb_friction"),
     )
-    left = causes.without_doubtful(c, [late, lost, rubs], 1.0)
+    left = doubtful([late, lost, rubs])
     assert [w.fit for w in left] == [lost.fit, rubs.fit]
     assert sum(w.probability for w in left) == pytest.approx(1.0)
-    assert causes.without_doubtful(c, [late], 1.0)[0].fit is late.fit
+    assert doubtful([late])[0].fit is late.fit
+
+
+def test_a_small_gap_of_what_may_as_well_be_nothing_is_none(doubtful):
+    late, rubs = weighed(7.0, "transport_delay"), weighed(6.0, "coulomb_friction")
+    assert doubtful([late, rubs]) == []
+    assert [w.fit for w in doubtful([late, rubs], is_large=True)] == [late.fit, rubs.fit]
+    assert [w.fit for w in doubtful([rubs, late])] == [rubs.fit, late.fit]

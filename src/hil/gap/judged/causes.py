@@ -113,9 +113,12 @@ def weighed_causes(
     return tuple(sorted(out, key=lambda x: -x.probability))
 
 
-def without_doubtful(c: Calibrated, weighed: Sequence[Weighed], worth: float) -> list[Weighed]:
+def without_doubtful(
+    c: Calibrated, weighed: Sequence[Weighed], worth: float, is_large: bool
+) -> list[Weighed]:
     """The sets of `weighed` of which no effect may as well be what a healthy rig has of the same: one whose
-    only parameter's interval reaches its neutral value. All, where no other is left."""
+    only parameter's interval reaches its neutral value. All, where no other is left; none, where the best
+    has no other effect and the gap is not one by itself (`is_large`)."""
 
     def is_doubtful(f: Fit, leaf: Leaf) -> bool:
         values = _parameters(c, f, leaf, worth)
@@ -124,6 +127,12 @@ def without_doubtful(c: Calibrated, weighed: Sequence[Weighed], worth: float) ->
         ((name, value),) = values.items()
         return value.ci[0] <= c.problem.table[f"{leaf.name}.{name}"].neutral <= value.ci[1]
 
+    if (
+        weighed
+        and not is_large
+        and all(is_doubtful(weighed[0].fit, x) for x in weighed[0].fit.leaves)
+    ):
+        return []
     left = [
         w for w in weighed
         if len(w.fit.leaves) == 1 or not any(is_doubtful(w.fit, x) for x in w.fit.leaves)

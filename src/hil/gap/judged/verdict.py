@@ -139,7 +139,7 @@ def answer(
         return shown.score(f, signals(c, none, f))
 
     weighed = clear(c, none, [w for w in weighed if w.fit.leaves], zero, is_large, unseen)
-    weighed = without_doubtful(c, weighed, worth)
+    weighed = without_doubtful(c, weighed, worth, is_large)
     if not weighed:
         found = _nothing_like_it(located, held_out) if is_large else _small(located, held_out)
         return replace(found, not_excited=not_excited(c, bank))
