@@ -99,6 +99,17 @@ def test_bus_log_is_candump_text_with_wall_time_and_direction(finished: Path) ->
     assert frames[-1].arbitration_id == 0x2D2
 
 
+def test_bus_log_names_the_bus_without_its_options(
+    tmp_path: Path, rig: RigFile, rig_toml: str
+) -> None:
+    hub = rig.can.model_copy(update={"url": "hub:/run/hil/rig?node=daemon"})
+    other = rig.model_copy(update={"can": hub})
+    recorder = Recorder(tmp_path, rig_toml, other, 0.0, started=STARTED, reserve_bytes=0)
+    recorder.frame(StampedFrame(0.001, Frame(0x100, b"\x07")), is_sent=True)
+    recorder.close()
+    assert (recorder.path / "can.log").read_text().split()[-3:] == ["rig", "100#07", "T"]
+
+
 def test_bus_log_may_be_blf(tmp_path: Path, rig: RigFile, rig_toml: str) -> None:
     kept = rig.recording.model_copy(update={"can_log": "blf"})
     blf = rig.model_copy(update={"recording": kept})

@@ -122,7 +122,8 @@ class Recorder:
             self._mcap.flush()
             self._journal = JournalSink(self.path / JOURNAL)
             kind = rig.recording.can_log
-            channel = rig.can.url.rsplit(":", 1)[-1].rsplit("/", 1)[-1] or "can0"
+            bus = rig.can.url.partition("?")[0]
+            channel = bus.rsplit(":", 1)[-1].rsplit("/", 1)[-1] or "can0"
             self._can = (
                 None if kind == "none" else CanLogSink(self.path / CAN_LOG[kind], kind, channel)
             )

@@ -173,8 +173,10 @@ class Desk:
         actuator = self.rig.actuators[0]
         fastest = JOG_SHARE * actuator.velocity_max
         if not 0.0 < speed <= fastest:
+            unit = "rad/s" if self.rig.is_rotary else "m/s"
             raise ConfigError(
-                f"a drive is jogged at up to {fastest:g} /s ({JOG_SHARE:.0%} of velocity_max)"
+                f"a drive is jogged at more than 0 and up to {fastest:g} {unit} "
+                f"({JOG_SHARE:.0%} of velocity_max), not at {speed:g}"
             )
         self.prepare()
         assert self.position is not None
