@@ -10,12 +10,13 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config import Actuator, AnyRig, AxisGeometry, BicycleFile, Effect, RigFile
+from hil.config import Actuator, AnyRig, AxisGeometry, BicycleFile, Effect
 from hil.config.bicycle import SIGNALS
 from hil.errors import ConfigError
 from hil.sim.catalogue import (
@@ -89,8 +90,7 @@ class ParameterTable:
 
     def __init__(self, rig: AnyRig) -> None:
         self.rig_name = rig.name
-        entries = _of_bicycle() if isinstance(rig, BicycleFile) else _entries(rig)
-        self.entries: tuple[Parameter, ...] = tuple(entries)
+        self.entries: tuple[Parameter, ...] = _entries_of(rig)
         self._index = {p.name: i for i, p in enumerate(self.entries)}
         self.neutral: Array = np.array([p.neutral for p in self.entries])
         self.neutral.setflags(write=False)
@@ -138,14 +138,32 @@ class ParameterTable:
         return self.vector(values)
 
 
-def _entries(rig: RigFile) -> Iterable[Parameter]:
-    for a in rig.actuators:
-        units = ROTARY_UNIT if rig.is_rotary else {}
+def _entries_of(rig: AnyRig) -> tuple[Parameter, ...]:
+    if isinstance(rig, BicycleFile):
+        return tuple(_of_bicycle())
+    has_joints = not isinstance(rig.geometry, AxisGeometry)
+    return _rig_entries(rig.actuators, rig.mass.m, rig.is_rotary, has_joints)
+
+
+@lru_cache(maxsize=32)
+def _rig_entries(
+    actuators: tuple[Actuator, ...], mass_kg: float, is_rotary: bool, has_joints: bool
+) -> tuple[Parameter, ...]:
+    """Those of one mechanism, whatever its drives wait for and its sensors have: a diagnosis asks for them
+    hundreds of times."""
+    return tuple(_entries(actuators, mass_kg, is_rotary, has_joints))
+
+
+def _entries(
+    actuators: Iterable[Actuator], mass_kg: float, is_rotary: bool, has_joints: bool
+) -> Iterable[Parameter]:
+    for a in actuators:
+        units = ROTARY_UNIT if is_rotary else {}
         yield from _block(a.name, ACTUATOR, a, units)
         for quantity in QUANTITIES:
             effects = sensor_effects(QUANTITY_UNIT[quantity], QUANTITY_SCALE[quantity])
             yield from _block(f"{a.name}.{quantity}", effects, a, units)
-    yield from _block("platform", _platform(rig))
+    yield from _block("platform", _platform(mass_kg))
     for channel in IMU_CHANNELS:
         unit, scale = ("rad/s", 0.01) if channel.startswith("gyro") else ("m/s²", 0.05)
         yield from _block(f"imu.{channel}", sensor_effects(unit, scale))
@@ -153,16 +171,16 @@ def _entries(rig: RigFile) -> Iterable[Parameter]:
     yield from _block("imu", CLOCK)
     yield from _block("drives", CLOCK)
     yield from _block("bus", BUS)
-    if not isinstance(rig.geometry, AxisGeometry):
-        for a in rig.actuators:
+    if has_joints:
+        for a in actuators:
             for end in ("base", "platform"):
                 yield from _block(f"{a.name}.{end}", GEOMETRY)
 
 
-def _platform(rig: RigFile) -> Effects:
+def _platform(mass_kg: float) -> Effects:
     """Effects of a platform from which nobody can take more than it weighs."""
     (mass,) = PLATFORM["payload_mass"]
-    return PLATFORM | {"payload_mass": (replace(mass, lower=-REMOVABLE * rig.mass.m),)}
+    return PLATFORM | {"payload_mass": (replace(mass, lower=-REMOVABLE * mass_kg),)}
 
 
 def _of_bicycle() -> Iterable[Parameter]:

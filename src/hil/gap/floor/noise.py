@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import median_filter
-from scipy.signal import lfilter
 
 from hil.gap.floor.differences import SPIKE, USUAL, by_repeats
 from hil.gap.floor.draws import FOLLOWED, UNKNOWN, draws, followed, longest_wait_s, sensor_sigma
@@ -63,7 +62,10 @@ class NoiseModel:
         z = flat / self.sigma.reshape(shape) * problem.kept.reshape(shape)
         out = np.empty_like(z)
         for x, ar, gain in zip(problem.series, self.ar, self.gain, strict=True):
-            out[x.part] = lfilter(np.concatenate([[1.0], -ar]) / gain, [1.0], z[x.part], axis=0)
+            mine, white = z[x.part], z[x.part] / gain
+            for back, term in enumerate(ar[: len(mine) - 1], start=1):
+                white[back:] -= term / gain * mine[:-back]
+            out[x.part] = white
         return np.asarray(out * problem.kept.reshape(shape))
 
     def tamed(self, problem: Problem, flat: Array) -> Array:

@@ -111,7 +111,8 @@ def step_of(values: Array, own: float = 0.0) -> float | None:
     # what moves on by several steps from each value to the next: by how much its ways differ
     ways = np.sort(gaps)
     others = np.flatnonzero(np.diff(ways) > max(TOO_FINE * own, 1e-6 * ways[-1])) + 1
-    apart = np.diff([float(np.mean(alike)) for alike in np.split(ways, others)])
+    first = np.concatenate([[0], others])
+    apart = np.diff(np.add.reduceat(ways, first) / np.diff(first, append=len(ways)))
     return _on_grid(values, levels, gaps, float(apart.min()), own) if len(apart) else None
 
 

@@ -10,6 +10,7 @@ it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -94,8 +95,7 @@ def _left(
         return float(np.sum((r - Q @ (Q.T @ r)) ** 2))
 
     def change(hz: float, damping: float) -> Array:
-        w = 2.0 * np.pi * hz
-        b, a = bilinear([2.0 * damping * w, w * w], [1.0, 2.0 * damping * w, w * w], 1.0 / STEP_S)
+        b, a = _swing(hz, damping)
         out = np.zeros(problem.size)
         for x in series:
             t, v = traced[x.stretch]
@@ -110,6 +110,14 @@ def _left(
             for hz in SWINGS_HZ
         ]
     )
+
+
+@cache
+def _swing(hz: float, damping: float) -> tuple[Array, Array]:
+    """Numerator and denominator, at STEP_S, of what a mount makes of the platform's acceleration."""
+    w = 2.0 * np.pi * hz
+    b, a = bilinear([2.0 * damping * w, w * w], [1.0, 2.0 * damping * w, w * w], 1.0 / STEP_S)
+    return np.asarray(b), np.asarray(a)
 
 
 def _habit(mount: ImuMount) -> Habit:
