@@ -115,6 +115,8 @@ def test_orders_for_what_there_is_not_are_refused() -> None:
         Order(severities=(0.0,))
     with pytest.raises(ConfigError, match="'speed' is no mode"):
         Order(mode="speed")
+    with pytest.raises(ConfigError, match=r"scatter = 9 lies outside 0\.\.5"):
+        Order(scatter=9.0)
     with pytest.raises(ConfigError, match="a bicycle has no drives"):
         Order(rigs=("bicycle",), mode="force")
 
@@ -142,11 +144,12 @@ def test_drives_that_are_told_forces_have_no_loops_to_be_wrong() -> None:
         assert "setpoint_rounding" not in outside_of(told, OUTSIDE)
 
 
-def test_a_healthy_rig_stays_within_what_a_calibration_allows() -> None:
+@pytest.mark.parametrize("size", [1.0, 2.0])
+def test_a_healthy_rig_stays_within_what_a_calibration_allows(size: float) -> None:
     rig = load_rig("motorcycle")
     allowed = {n.name: 3.0 * n.sd for n in default_nuisances(rig, [])}
     for seed in range(20):
-        world = build_world(rig, Scatter(seed))
+        world = build_world(rig, Scatter(seed, size))
         assert abs(world.true[1][0] - rig.mass.m) < allowed["platform.payload_mass.mass"]
         cog = world.true[1][1:4] - np.array(rig.mass.cog)
         assert np.all(np.abs(cog) < allowed["platform.payload_cog.x"])
@@ -338,6 +341,7 @@ def copied(exam: Path, to: Path) -> Path:
             r"kinds \['single'\], effects \['coulomb_friction'\]",
         ),
         ({"mode": "force"}, "mode position"),
+        ({"scatter": 2.0}, "scatter 1.0"),
     ],
 )
 def test_a_folder_holds_cases_made_with_the_same_options(
@@ -348,11 +352,15 @@ def test_a_folder_holds_cases_made_with_the_same_options(
             make_exam(replace(ORDER, seed=seed, **other), 2, exam, jobs=1)
 
 
-def test_a_folder_that_does_not_say_its_options_goes_on(exam: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("untold", ["options", "scatter"])
+def test_a_folder_that_does_not_say_its_options_goes_on(
+    exam: Path, tmp_path: Path, untold: str
+) -> None:
     old = copied(exam, tmp_path / "old")
     for path in old.glob("answers/*/answer.json"):
         answer = read_answer(path)
-        del answer["made_with"]["options"]
+        made = answer["made_with"]
+        del (made if untold == "options" else made["options"])[untold]
         path.write_text(json.dumps(answer))
     said: list[str] = []
     make_exam(ORDER, 2, old, jobs=1, on_done=lambda case, text: said.append(text))

@@ -19,10 +19,11 @@ from hil.exam.rides.bench import RideBench
 from hil.exam.rides.forward import fork_force, tyre_force
 from hil.exam.rides.menu import draw_effect
 from hil.exam.rides.outside import draw_outside
-from hil.exam.rides.record import record
-from hil.exam.rides.world import MOVES, STEP_S, Bicycle, Ridden
+from hil.exam.rides.record import Off, record
+from hil.exam.rides.world import MOVES, STEP_S, Bicycle, Ridden, _scattered
 from hil.exam.severity import effect_of
-from hil.exam.world import Outside
+from hil.exam.world import Outside, Scatter
+from hil.rigs.bicycle.parameters import pack
 from hil.sim.parameters import ParameterTable
 
 NOMINAL = load_bicycle("bicycle")
@@ -83,9 +84,8 @@ def swung():
 
 
 def seen(swung, *effects, outside=()):
-    b = Bicycle(NOMINAL, 5, tuple(Effect(effect=e, location=at, parameters=p) for e, at, p in effects),
-                tuple(outside))  # fmt: skip
-    return record(b, swung, None)
+    own = tuple(Effect(effect=e, location=at, parameters=p) for e, at, p in effects)
+    return record(Bicycle(NOMINAL, Scatter(5), own, tuple(outside)), swung, None)
 
 
 def of(table, signal):
@@ -170,11 +170,28 @@ def test_equal_bicycles_ride_once_for_all_effects_of_their_sensors():
     bias = Effect(effect="sensor_bias", location="lean", parameters={"offset": 0.1})
     fork = Effect(effect="front_suspension", location="bicycle", parameters={"stiffness": 9e3})
     b = Bicycle(
-        NOMINAL, 1, (bias, fork), (Outside("hills", "road", {"slope": 0.1, "length": 9.0}),)
+        NOMINAL,
+        Scatter(1),
+        (bias, fork),
+        (Outside("hills", "road", {"slope": 0.1, "length": 9.0}),),
     )
     assert b.moving.effects == (fork,)
     assert b.moving.outside == ()
     assert {"sensor_bias", "clock_drift"}.isdisjoint(MOVES)
+
+
+def test_a_bicycle_is_off_its_file_by_as_much_as_is_asked_for():
+    nominal = pack(NOMINAL)
+
+    def off(size):
+        b = _scattered(NOMINAL, np.random.default_rng(7), size)
+        return np.concatenate([b.p[:2] - nominal.p[:2], (b.body - nominal.body).ravel()])
+
+    assert not np.any(off(0.0))
+    assert off(2.0) == pytest.approx(2.0 * off(1.0))
+    zeros = [Off.of(Bicycle(NOMINAL, Scatter(7, size))).zero for size in (0.0, 1.0, 2.0)]
+    assert not np.any(zeros[0])
+    assert zeros[2] == pytest.approx(2.0 * zeros[1])
 
 
 # --- whole cases --------------------------------------------------------------------------------------
@@ -182,7 +199,7 @@ def test_equal_bicycles_ride_once_for_all_effects_of_their_sensors():
 
 @pytest.fixture(scope="module")
 def bench():
-    return RideBench.of(NOMINAL, 11, SHORT, 5)
+    return RideBench.of(NOMINAL, Scatter(11), SHORT, 5)
 
 
 def test_a_healthy_ride_is_off_the_twin_by_little_and_never_by_nothing(bench):

@@ -75,6 +75,12 @@ def make(
             help="What drives are told: positions, or forces by a loop outside them (computed torque).",
         ),
     ] = Mode.position,
+    scatter: Annotated[
+        float,
+        typer.Option(
+            "--scatter", help="How much further than usual healthy rigs are off their files."
+        ),
+    ] = 1.0,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes.")] = 2,
 ) -> None:
     """Draw cases, record them on the exam's own world, seal the answers.
@@ -88,7 +94,7 @@ def make(
             f"{severity!r} is no list of numbers", param_hint="--severity"
         ) from None
     make_ready(out / "CASE")
-    order = Order(_list(rigs), seed, severities, _list(kinds), _list(effects), mode.value)
+    order = Order(_list(rigs), seed, severities, _list(kinds), _list(effects), mode.value, scatter)
     show = Progress(cases)
     make_exam(order, cases, out, jobs=jobs, on_done=show.done)
 

@@ -74,7 +74,8 @@ def _check_options(order: Order, out: Path) -> None:
     """ConfigError where a case below `out` was made with other options; not all answers say with which."""
     for path in sorted((out / "answers").glob(f"*/{ANSWER}")):
         made = read_answer(path).get("made_with")
-        told = made.get("options") if isinstance(made, dict) else None
+        options = made.get("options") if isinstance(made, dict) else None
+        told = None if options is None else {"scatter": 1.0, **options}
         if told is not None and told != order.options:
             other = [
                 f"{key} {told.get(key)}" for key, x in order.options.items() if told.get(key) != x
@@ -154,7 +155,7 @@ def _make(
     signals: set[str] = set(rig.bus.pattern)
     if rig.imu is not None and rng.random() < 0.45:
         signals.add("imu")
-    scatter = Scatter(int(rng.integers(2**31)))
+    scatter = Scatter(int(rng.integers(2**31)), order.scatter)
     families = [
         str(f) for f in rng.permutation(FAMILIES)[: rng.choice([1, 2, 3], p=[0.35, 0.45, 0.2])]
     ]

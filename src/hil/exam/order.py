@@ -12,6 +12,8 @@ KINDS: Final = ("none", "single", "double", "triple", "outside")
 COUNTS: Final = {"none": 0, "double": 2, "triple": 3}
 """Effects of a case, where not one."""
 MODES: Final = ("position", "force")
+MOST_SCATTER: Final = 5.0
+"""Noise is off by 15 % of its own, and must stay above 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,8 @@ class Order:
     """Only these effects (or outside effects); empty: all."""
     mode: str = "position"
     """What drives are told: positions, or forces by a loop outside them."""
+    scatter: float = 1.0
+    """By how many times the usual spread healthy rigs are off their files."""
 
     def __post_init__(self) -> None:
         for what, given, known in (
@@ -40,6 +44,8 @@ class Order:
                     )
         if self.mode == "force" and RIDDEN in self.rigs:
             raise ConfigError(f"a {RIDDEN} has no drives that could be told forces")
+        if not 0.0 <= self.scatter <= MOST_SCATTER:
+            raise ConfigError(f"scatter = {self.scatter:g} lies outside 0..{MOST_SCATTER:g}")
         if not self.rigs or not self.kinds or not all(s > 0.0 for s in self.severities):
             raise ConfigError("exam cases need a rig, a kind and severities above 0")
 
@@ -51,6 +57,7 @@ class Order:
             "kinds": list(self.kinds),
             "effects": sorted(self.effects),
             "mode": self.mode,
+            "scatter": self.scatter,
         }
 
     def made_with(self, number: int) -> dict[str, Any]:

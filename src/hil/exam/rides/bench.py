@@ -21,7 +21,7 @@ from hil.config import BicycleFile, Effect
 from hil.errors import HilError
 from hil.exam.rides.record import record
 from hil.exam.rides.world import Bicycle, ride
-from hil.exam.world import Outside
+from hil.exam.world import Outside, Scatter
 from hil.exam.world.play import WorldError
 from hil.gap.bicycle import RideProblem
 from hil.runs import Run, RunMeta
@@ -36,7 +36,7 @@ class RideBench:
     """A manoeuvre on a healthy bicycle, to measure effects against."""
 
     rig: BicycleFile
-    scatter: int
+    scatter: Scatter
     manoeuvre: Manoeuvre
     seed: int
     healthy: dict[str, tuple[Array, Array]]
@@ -44,7 +44,7 @@ class RideBench:
     floor: dict[str, float]
 
     @classmethod
-    def of(cls, rig: BicycleFile, scatter: int, manoeuvre: Manoeuvre, seed: int) -> RideBench:
+    def of(cls, rig: BicycleFile, scatter: Scatter, manoeuvre: Manoeuvre, seed: int) -> RideBench:
         """Ride it healthy, record it without noise and twice with."""
         b = Bicycle(rig, scatter)
         ridden = ride(b, manoeuvre, seed)

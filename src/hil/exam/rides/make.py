@@ -19,7 +19,7 @@ from hil.exam.rides.outside import RIDE_OUTSIDE, draw_outside
 from hil.exam.rides.record import record
 from hil.exam.rides.world import Bicycle, ride
 from hil.exam.severity import Solved, effect_of, solve_size
-from hil.exam.world import Outside
+from hil.exam.world import Outside, Scatter
 from hil.exam.world.play import WorldError
 
 Rng = np.random.Generator
@@ -40,7 +40,7 @@ def make_ride(
 ) -> str:
     """Make case `number`; WorldError where this draw cannot be one."""
     rig = draw_bicycle(rng)
-    scatter = int(rng.integers(2**31))
+    scatter = Scatter(int(rng.integers(2**31)), order.scatter)
     count = int(rng.choice([1, 2, 3], p=[0.25, 0.5, 0.25]))
     ways = [FAMILIES[k] for k in rng.permutation(len(FAMILIES))[:count]]
     seeds = [int(rng.integers(2**31)) for _ in range(count + 1)]
@@ -68,7 +68,7 @@ def make_ride(
         "severity": min((order.severity_of(s.reached) for s in solved), default=0.0),
         "traces": [{n: round(x, 3) for n, x in s.traces.items() if x > 0.3} for s in solved],
         "families": [way.name for way in ways],
-        "scatter_seed": scatter,
+        "scatter_seed": scatter.seed,
         "made_with": order.made_with(number),
     }
     write_case(order.case_id(number), rig, tables, answer, number, out)

@@ -44,10 +44,10 @@ class Off:
     @classmethod
     def of(cls, b: Bicycle) -> Off:
         """Drawn from the bicycle's scatter."""
-        rng = np.random.default_rng([b.scatter, 83])
+        rng = np.random.default_rng([b.scatter.seed, 83])
 
         def off(spread: float, *shape: int) -> Array:
-            return np.asarray(spread * rng.uniform(-1.0, 1.0, shape))
+            return np.asarray(b.scatter.size * spread * rng.uniform(-1.0, 1.0, shape))
 
         bias = 0.5 * np.repeat([b.rig.noise.gyro, b.rig.noise.accel], 3) * off(1.0, 6)
         return cls(

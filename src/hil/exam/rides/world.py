@@ -18,7 +18,7 @@ from hil.bicycle.manoeuvres import Manoeuvre
 from hil.bicycle.path import SPACING_M, speed_profile
 from hil.config import BicycleFile, Effect
 from hil.exam.rides.forward import LOCKED, ride_on
-from hil.exam.world import Outside
+from hil.exam.world import Outside, Scatter
 from hil.exam.world.play import WorldError
 from hil.rigs.bicycle.parameters import ROLLING, Packed, pack, rotation
 from hil.rigs.bicycle.ride import static_load
@@ -42,10 +42,10 @@ MOVES: Final = frozenset({"front_suspension", "tyre_compliance", "rider_motion",
 
 @dataclass(frozen=True, slots=True)
 class Bicycle:
-    """A nominal file, the seed of what is off it, effects and what no catalogue names."""
+    """A nominal file, what is off it, effects and what no catalogue names."""
 
     rig: BicycleFile
-    scatter: int
+    scatter: Scatter
     effects: tuple[Effect, ...] = ()
     outside: tuple[Outside, ...] = ()
 
@@ -102,9 +102,9 @@ def _ride(key: tuple[Any, ...], rig_json: str, manoeuvre: Manoeuvre, seed: int) 
     effects = tuple(Effect(effect=e, location=at, parameters=dict(p)) for e, at, p in lines)
     outside = tuple(Outside(kind, at, dict(p)) for kind, at, p in odd)
     bicycle = Bicycle(rig, scatter, effects, outside)
-    rng = np.random.default_rng([scatter, 81])
+    rng = np.random.default_rng([scatter.seed, 81])
     rider = np.random.default_rng([seed, 82])
-    packed = _scattered(rig, rng)
+    packed = _scattered(rig, rng, scatter.size)
     load = static_load(packed.p, packed.body, packed.extra, False)
     p, slip = _wheels(bicycle, packed.p, rng)
     laws = (*_springs(bicycle, rng), _rider(bicycle, rng))
@@ -133,14 +133,14 @@ def _ride(key: tuple[Any, ...], rig_json: str, manoeuvre: Manoeuvre, seed: int) 
     return Ridden(np.asarray(STEP_S * np.arange(len(speeds))), *out)
 
 
-def _scattered(rig: BicycleFile, rng: np.random.Generator) -> Packed:
-    """The bicycle a little off its file: masses 0.7 %, places 2 mm, inertia 2 %, the IMU as it was screwed
-    on."""
+def _scattered(rig: BicycleFile, rng: np.random.Generator, size: float) -> Packed:
+    """The bicycle a little off its file, by up to `size` times as much: masses 0.7 %, places 2 mm, inertia
+    2 %, the IMU as it was screwed on."""
     packed = pack(rig)
     p, body, extra = packed.p.copy(), packed.body.copy(), packed.extra.copy()
 
     def off(spread: float, *shape: int) -> Any:
-        return spread * rng.uniform(-1.0, 1.0, shape or None)
+        return size * spread * rng.uniform(-1.0, 1.0, shape or None)
 
     p[:2] *= 1.0 + float(off(0.002))
     p[ROLLING] = p[0]
