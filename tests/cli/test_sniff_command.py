@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 from hil.bus.hub import Hub
 from hil.bus.port import open_port
 from hil.cli.app import app
+from hil.config import RigFile
+from hil.configfile import load_rig, parse_settings, rig_toml
 from hil.frames import Frame
 
 STATUS = Frame(0x372, bytes.fromhex("3102000000000000"))  # drive 1: ready to switch on
@@ -85,6 +87,29 @@ def test_a_dbc_explains_what_the_rig_does_not(bus, tmp_path):
     said = sniff(bus[0], "--rig", "axis", "--dbc", str(tmp_path / "battery.dbc"), "--count", "4")
     assert "BATTERY" in said
     assert "Volt 4.2" in said
+
+
+def test_an_extended_message_of_a_dbc_explains_no_standard_frame(bus, tmp_path):
+    extended = DBC.replace("BO_ 291 ", f"BO_ {(1 << 31) | 291} ")
+    (tmp_path / "battery.dbc").write_text(extended)
+    said = sniff(bus[0], "--rig", "axis", "--dbc", str(tmp_path / "battery.dbc"), "--count", "4")
+    assert "BATTERY" not in said
+
+
+def test_a_name_that_nobody_has_is_told_with_those_that_were_heard(bus):
+    said = sniff(bus[0], "--rig", "motorcycle", "--only", "leg7", "--seconds", "0.3", "--quiet")
+    assert "No frame of leg7 was heard, but leg1, status, unknown." in said
+
+
+def test_a_rig_of_several_buses_says_which_is_listened_to(bus, tmp_path):
+    rig = tmp_path / "two.toml"
+    tables = load_rig("stewart_canopen").model_dump()
+    tables["can"]["url"], other = bus[0], tables["can"]["further"][0]
+    other["url"], other["bitrate"] = "hub:/run/second.sock", 250_000
+    rig.write_text(rig_toml(parse_settings(tables, RigFile, "two"), "two"))
+    said = sniff(str(rig), "--count", "1", "--quiet").replace("\n", "")
+    assert f"Listening to {bus[0]} alone" in said
+    assert "hub:/run/second.sock as well" in said
 
 
 def test_it_has_said_nothing_and_could_not(bus):

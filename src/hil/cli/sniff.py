@@ -68,8 +68,14 @@ def sniff(
     is_url = bus.startswith(_SCHEMES)
     name = rig if is_url else (rig or bus)
     settings = None if name is None else load_rig(name)
-    url = bus if is_url else load_rig(bus).can.url
-    rate = bitrate or (settings.can.bitrate if settings else 500_000)
+    can = None if is_url else load_rig(bus).can
+    url = bus if can is None else can.url
+    if can is not None and len(can.urls) > 1:
+        others = ", ".join(can.urls[1:])
+        err.print(
+            f"Listening to {url} alone. {bus} has {others} as well: hil sniff URL --rig {name}"
+        )
+    rate = bitrate or _bitrate_of(url, settings)
     sniffer = Sniffer(
         Explainer(settings, dbc), BusStatistics(rate), parse_filters(filters) if filters else ()
     )
@@ -81,7 +87,17 @@ def sniff(
             sniffer.listen(port, seconds or float("inf"), count or float("inf"))
     finally:
         port.close()
+        if sniffer.only and not sniffer.shown:
+            heard = ", ".join(sorted(sniffer.heard)) or "nothing that has a name"
+            err.print(f"No frame of {', '.join(sorted(sniffer.only))} was heard, but {heard}.")
         (_json_statistics if json else _show_statistics)(sniffer)
+
+
+def _bitrate_of(url: str, rig: RigFile | None) -> int:
+    """Bit rate of the rig's bus at `url`, bit/s; of its first where none is there."""
+    if rig is None:
+        return 500_000
+    return dict(zip(rig.can.urls, rig.can.bitrates, strict=True)).get(url, rig.can.bitrate)
 
 
 class Explainer:
@@ -111,6 +127,8 @@ class Explainer:
         assert self._database is not None
         try:
             message = self._database.get_message_by_frame_id(frame.can_id)
+            if message.is_extended_frame != frame.is_extended:
+                return None
             values = message.decode(frame.data, decode_choices=False)
         except (KeyError, cantools.database.DecodeError, ValueError):
             return None
@@ -128,17 +146,19 @@ class Sniffer:
         self.statistics = statistics
         self.only: frozenset[str] = frozenset()
         self.show: Any = None
+        self.heard: set[str] = set()
+        """Whose frames, and of what kinds, came by."""
+        self.shown = 0
         self._filters = filters
-        self._shown = 0
 
     def listen(self, port: BusPort, for_s: float, count: float) -> None:
         """Until time or count have run out; BusError if the bus is lost."""
         start_s = time.monotonic()
-        while self._shown < count and (left_s := start_s + for_s - time.monotonic()) > 0.0:
+        while self.shown < count and (left_s := start_s + for_s - time.monotonic()) > 0.0:
             select.select([port], [], [], min(left_s, 1.0))
             for t_s, frame in port.receive():
                 self.statistics.add(t_s, frame)
-                if self._passes(frame) and self._shown < count:
+                if self._passes(frame) and self.shown < count:
                     self._tell(t_s - start_s, frame)
 
     def _passes(self, frame: Frame) -> bool:
@@ -148,9 +168,10 @@ class Sniffer:
 
     def _tell(self, t_s: float, frame: Frame) -> None:
         said = self.explainer.explain(frame)
+        self.heard.update(filter(None, (said.source, said.name)))
         if self.only and not self.only & {said.source, said.name}:
             return
-        self._shown += 1
+        self.shown += 1
         if self.show is not None:
             self.show(t_s, frame, said)
 
