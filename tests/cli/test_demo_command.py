@@ -93,23 +93,31 @@ def test_a_cue_file_is_refused_before_anything_starts(tmp_path, monkeypatch, con
 WAITS = "import signal, time; signal.signal(signal.SIGINT, signal.{}); print(flush=True); time.sleep(60)"
 
 
+@pytest.fixture
+def heeded(number):
+    """A signal that whoever runs the tests may ignore (nohup), which the demo would leave so."""
+    before = signal.signal(number, signal.SIG_DFL)
+    yield number
+    signal.signal(number, before)
+
+
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize("is_stubborn", [False, True])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_demo_that_is_told_to_end_leaves_no_process(cast, tmp_path, number, is_stubborn):
+def test_a_demo_that_is_told_to_end_leaves_no_process(cast, tmp_path, heeded, is_stubborn):
     cast, programs = cast
     programs["simulate"] = WAITS.format("default_int_handler")
     programs["run"] = WAITS.format("SIG_IGN" if is_stubborn else "default_int_handler")
     (tmp_path / "bus.sock").touch()
-    again = threading.Timer(0.5, os.kill, (os.getpid(), number))
+    again = threading.Timer(0.5, os.kill, (os.getpid(), heeded))
 
     def told():
-        assert signal.getsignal(number) is signal.default_int_handler
+        assert signal.getsignal(heeded) is signal.default_int_handler
         while not all((tmp_path / f"{name}.txt").read_text() for name in programs):
             time.sleep(0.01)
         if is_stubborn:
             again.start()
-        signal.raise_signal(number)
+        signal.raise_signal(heeded)
 
     with pytest.raises(KeyboardInterrupt), demo.ended_as_by_ctrl_c(), cast:
         told()
