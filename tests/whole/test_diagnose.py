@@ -196,6 +196,16 @@ def test_what_the_references_have_already_is_no_change():
     assert cause.parameters["force"].value == pytest.approx(2.0 * FRICTION_N, rel=0.1)
 
 
+@pytest.mark.parametrize(("more", "named"), [(0.18, []), (0.25, ["coulomb_friction"])])
+def test_friction_may_differ_from_the_references_as_warmth_makes_it(more, named):
+    """Where a drive's current is quiet enough to show it."""
+    calm = AXIS.noise.model_copy(update={"force": 1.0, "force_step": 0.5})
+    rig = AXIS.model_copy(update={"noise": calm})
+    warm = effect("coulomb_friction", force=more * AXIS.actuators[0].coulomb)
+    found = diagnose(record(warm, rig=rig, seed=7), rig, references=[record(rig=rig, seed=8)])
+    assert [x.effect for x in found.effects] == named
+
+
 def test_what_is_named_was_excited(friction):
     named = {f"{x.location}.{x.effect}" for x in friction.effects}
     assert not named & set(friction.not_excited)

@@ -61,6 +61,9 @@ LOOPS: Final = {"position": 0.03, "speed": 0.08, "integral": 0.12}
 current loop that lags change what they do by so much [R]."""
 DRIFT: Final = 0.25
 """Of a nuisance's prior: how far a rig drifts between a reference and a run [R]."""
+WARMED: Final = 0.5
+"""The same of friction, which follows warmth, oil and wear from one day to the next [R; a healthy axis of
+others has 10 % less Coulomb friction than its reference; a quarter more is a finding]."""
 SWITCHED_ON: Final = 1.0
 """The same of what is new each time a rig is switched on: an IMU's biases [R]."""
 
@@ -113,8 +116,9 @@ def default_nuisances(
         for c in ("roll", "pitch"):
             free(f"platform.base_tilt.{c}", TILT_RAD)
     for a in rig.actuators:
-        free(f"{a.name}.viscous_friction.coefficient", max(VISCOUS * a.viscous, 1e-3 * a.force_max))
-        free(f"{a.name}.coulomb_friction.force", COULOMB * a.coulomb)
+        viscous = max(VISCOUS * a.viscous, 1e-3 * a.force_max)
+        free(f"{a.name}.viscous_friction.coefficient", viscous, WARMED)
+        free(f"{a.name}.coulomb_friction.force", COULOMB * a.coulomb, WARMED)
         if rig.bus.setpoint_delay > 0.0:
             free(f"{a.name}.transport_delay.delay", FORCE_DELAY_S if are_forces else _delay_s(rig))
         for quantity, sd in LATENCY_S.items():
