@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from hil.bus.hub import Hub
 from hil.bus.port import open_port
 from hil.cli.app import app
+from hil.cli.sniff import _bitrate_of
 from hil.config import RigFile
 from hil.configfile import load_rig, parse_settings, rig_toml
 from hil.frames import Frame
@@ -110,6 +111,7 @@ def test_a_rig_of_several_buses_says_which_is_listened_to(bus, tmp_path):
     said = sniff(str(rig), "--count", "1", "--quiet").replace("\n", "")
     assert f"Listening to {bus[0]} alone" in said
     assert "hub:/run/second.sock as well" in said
+    assert _bitrate_of("hub:/run/second.sock", load_rig(str(rig))) == 250_000
 
 
 def test_it_has_said_nothing_and_could_not(bus):

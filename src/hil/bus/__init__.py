@@ -3,7 +3,7 @@ bus itself in injected time (`BitBus`). Every port is one non-blocking descripto
 16-byte `struct can_frame` records (`open_port`)."""
 
 from hil.bus.bitbus import BitBus, Delivery
-from hil.bus.port import BusPort, BusState, bus_of, open_port
+from hil.bus.port import BusPort, BusState, open_port
 from hil.bus.timerfd import Timer
 
-__all__ = ["BitBus", "BusPort", "BusState", "Delivery", "Timer", "bus_of", "open_port"]
+__all__ = ["BitBus", "BusPort", "BusState", "Delivery", "Timer", "open_port"]

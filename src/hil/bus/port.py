@@ -69,12 +69,6 @@ def open_port(url: str, *, bitrate_bps: int, read_only: bool = False) -> BusPort
     )
 
 
-def bus_of(url: str) -> tuple[str, str]:
-    """What sort of bus a port's `url` is of, and which: "socketcan", "can0". Options are left out."""
-    scheme, _, rest = url.partition(":")
-    return scheme, rest if scheme == "python-can" else rest.partition("?")[0]
-
-
 def _options(url: str, query: str, known: str) -> dict[str, str]:
     options = dict(parse_qsl(query, keep_blank_values=True))
     if unknown := sorted(options.keys() - {known}):

@@ -5,7 +5,7 @@ Reading files is `hil.configfile`'s work; here is only what they mean.
 
 from hil.config.actuator import Actuator, DriveNode, LegMass, Screw
 from hil.config.bicycle import BicycleFile
-from hil.config.bus import Bus, Can, Imu, ImuMount, Noise
+from hil.config.bus import Bus, Can, Imu, ImuMount, Noise, bus_of
 from hil.config.control import (
     Control,
     CueLimits,
@@ -44,4 +44,5 @@ __all__ = [
     "Safety",
     "Screw",
     "StewartGeometry",
+    "bus_of",
 ]

@@ -92,6 +92,12 @@ class FurtherBus(Settings):
     )
 
 
+def bus_of(url: str) -> tuple[str, str]:
+    """What sort of bus a port's `url` is of, and which: "socketcan", "can0". Options are left out."""
+    scheme, _, rest = url.partition(":")
+    return scheme, rest if scheme == "python-can" else rest.partition("?")[0]
+
+
 class Can(Settings):
     """The interface behind the bus."""
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from hil.bus import bus_of
+from hil.config import bus_of
 from hil.errors import RigInUse
 
 _UCRED: Final = struct.Struct("3i")

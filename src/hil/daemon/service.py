@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-from hil.bus import bus_of
-from hil.config import RigFile
+from hil.config import RigFile, bus_of
 from hil.configfile import data_folder, find_rig_file, load_rig
 from hil.daemon.leaving import daemon_s
 from hil.errors import HilError

@@ -18,7 +18,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from hil.config import AnyRig, RigFile
+from hil.config import AnyRig, RigFile, bus_of
 from hil.config.bicycle import BICYCLE
 from hil.errors import RunError
 from hil.frames import StampedFrame
@@ -122,8 +122,7 @@ class Recorder:
             self._mcap.flush()
             self._journal = JournalSink(self.path / JOURNAL)
             kind = rig.recording.can_log
-            bus = rig.can.url.partition("?")[0]
-            channel = bus.rsplit(":", 1)[-1].rsplit("/", 1)[-1] or "can0"
+            channel = bus_of(rig.can.url)[1].rsplit(":", 1)[-1].rsplit("/", 1)[-1] or "can0"
             self._can = (
                 None if kind == "none" else CanLogSink(self.path / CAN_LOG[kind], kind, channel)
             )

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from hil.bus import bus_of, open_port
-from hil.config import RigFile
+from hil.bus.port import open_port
+from hil.config import RigFile, bus_of
 from hil.daemon.check.finding import Finding
 from hil.daemon.service import QUEUE_FRAMES
 from hil.errors import BusError

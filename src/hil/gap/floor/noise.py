@@ -62,6 +62,7 @@ class NoiseModel:
         z = flat / self.sigma.reshape(shape) * problem.kept.reshape(shape)
         out = np.empty_like(z)
         for x, ar, gain in zip(problem.series, self.ar, self.gain, strict=True):
+            # as scipy.signal.lfilter, which walks through many columns one by one in Python
             mine, white = z[x.part], z[x.part] / gain
             for back, term in enumerate(ar[: len(mine) - 1], start=1):
                 white[back:] -= term / gain * mine[:-back]
