@@ -78,7 +78,7 @@ def replay(  # type: ignore[no-untyped-def]
     groups = s_signal.shape[0]
     sensor, column = np.empty((groups, 5)), np.empty(groups, np.int64)
     home, delay, unit = np.zeros(groups), np.zeros(groups), np.ones(groups)
-    with_imu = False
+    with_imu = np.any((s_signal >= 4 * n) & (s_signal < 4 * n + 6))
     for g in range(groups):
         signal = s_signal[g]
         quantity, i = signal // n, signal % n
@@ -89,7 +89,6 @@ def replay(  # type: ignore[no-untyped-def]
             continue
         sensor_constants(p, n, signal, sensor[g])
         if signal >= 4 * n:
-            with_imu = True
             column[g] = signal
             delay[g] = model[lay.H_IMU_DELAY] - group_delay_s(imu[12])
             continue

@@ -200,7 +200,8 @@ class Replay:
         """All samples (N,) with the parameter vector `parameters` (default: the rig file's); NaN where no
         pose closes the mechanism. RunError where the vector is not as long as the twin's table."""
         out = np.empty(self._count)
-        vector = np.asarray(self.twin.parameters if parameters is None else parameters, dtype=float)
+        # A copy: of one type whether its source may be written or not, for which `replay` is compiled once.
+        vector = np.array(self.twin.parameters if parameters is None else parameters, dtype=float)
         self._check_rows(vector[None])
         replay(self.twin.model, vector, *self._arguments, out)
         return out[: self.size]
@@ -212,7 +213,7 @@ class Replay:
 
         `models`: a packed model for each row, where rows also differ in numbers of the rig file.
         """
-        rows = np.ascontiguousarray(parameters, dtype=float)
+        rows = np.array(parameters, dtype=float, order="C")
         self._check_rows(rows)
         out = np.empty((len(rows), self._count))
         bases = [self.twin.model] * len(rows) if models is None else models

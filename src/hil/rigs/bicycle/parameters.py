@@ -36,6 +36,10 @@ class Packed:
     """(3, 3) IMU axes in the axes of body 3: v_sensor = sensor @ v_body."""
     encoder_on_frame: bool
 
+    def __post_init__(self) -> None:
+        for array in (self.p, self.body, self.extra, self.sensor):
+            array.setflags(write=False)  # of one type too: compiled code is compiled once
+
     def scaled(
         self, rear: float = 1.0, front: float = 1.0, slip: float = 0.0, frame: float = 1.0
     ) -> Packed:
@@ -45,7 +49,7 @@ class Packed:
         p[RADIUS_REAR] *= 1.0 + frame * (rear - 1.0)
         p[RADIUS_FRONT] *= front
         p[ROLLING] *= rear * (1.0 - slip)
-        return Packed(_frozen(p), self.body, self.extra, self.sensor, self.encoder_on_frame)
+        return Packed(p, self.body, self.extra, self.sensor, self.encoder_on_frame)
 
 
 def pack(rig: BicycleFile) -> Packed:
@@ -65,10 +69,10 @@ def pack(rig: BicycleFile) -> Packed:
     place = (0.0, 0.0, 0.0) if rig.imu is None else rig.imu.position
     turn = (0.0, 0.0, 0.0) if rig.imu is None else rig.imu.orientation
     return Packed(
-        _frozen(np.array(p)),
-        _frozen(np.array(body)),
-        _frozen(np.array([m.gravity, rig.aero, *place])),
-        _frozen(rotation(*turn).T.copy()),
+        np.array(p),
+        np.array(body),
+        np.array([m.gravity, rig.aero, *place]),
+        rotation(*turn).T.copy(),
         rig.sensors.encoder_on_frame,
     )
 
@@ -122,8 +126,3 @@ def reduced_inertia(rig: BicycleFile) -> float:
     """
     g, m = rig.geometry, rig.mass
     return m.I2[1] + m.I5[1] * (g.R / g.front_radius) ** 2 + sum(m.m) * g.R**2
-
-
-def _frozen(a: Array) -> Array:
-    a.setflags(write=False)
-    return a
