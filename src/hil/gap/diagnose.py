@@ -71,7 +71,8 @@ def diagnose(
         return answer
     if report is not None:
         report("once more without the references")
-    seen = locate(loaded, rig.model_copy(update={"bus": found.rig.bus}), seed=seed)
+    twin = rig.model_copy(update={"bus": found.rig.bus})
+    seen = locate(loaded, twin, is_tried=True, seed=seed)
     if max(x.ratio for x in seen.signals) > APART:
         return answer
     alone = consider(loaded, rig, without=without, seed=seed, report=report, seen=seen).answer(seed)
@@ -110,7 +111,7 @@ def consider(
         located = seen
     else:
         q.say("locating the gap")
-        located = q.locate(rig)
+        located = q.locate(rig, is_tried=False)
     if not healthy:
         located, usual = as_usual(q, located, may_draw=UNTOLD < nats <= CLEAR)
         habits += usual
@@ -153,10 +154,10 @@ def _shown_by(
     """The rig of healthy references: as its drives draw lines, and with all that explains what else those
     differ from the twin by."""
 
-    def beside(twin: RigFile) -> Located:
-        return locate(healthy, twin, seed=seed)
+    def beside(twin: RigFile, *, is_tried: bool = True) -> Located:
+        return locate(healthy, twin, is_tried=is_tried, seed=seed)
 
-    found, habits = shown(beside, beside(rig), LINES)
+    found, habits = shown(beside, beside(rig, is_tried=False), LINES)
     rig = found.evidence.problem.rig
     if not found.is_gap:
         return _Shown(found, habits, ())

@@ -62,6 +62,7 @@ def locate(
     healthy: Located | None = None,
     clocks: Clocks | None = None,
     near: Located | None = None,
+    is_tried: bool = False,
     seed: int = 0,
 ) -> Located:
     """Locate the gap between `runs` (Run objects, or frames with column t and one a signal) and `rig`'s twin.
@@ -69,7 +70,8 @@ def locate(
     `nuisances` (default: `default_nuisances`) are refitted first. `healthy`: what was located on references,
     whose noise tells how much of this record's can be noise, and whose own gap is none here. `clocks`: the
     drives' ticks, where they are known better than the rig file's twin tells them. `near`: what was located
-    of the same runs by a twin that is nearly this one, with the same ticks.
+    of the same runs by a twin that is nearly this one, with the same ticks. `is_tried`: the twin is one that
+    is tried on runs beside which the rig file's own made sense: where it makes none, it is the wrong twin.
     IdentificationError where the data cannot carry an answer names signal and reason.
     """
     loaded = as_runs(runs, rig)
@@ -79,7 +81,7 @@ def locate(
     findings += [fewer(every)] if every > 1 else []
     rng = np.random.default_rng(seed)
     smooth = Problem(rig, pieces)
-    findings += check_answers(smooth)
+    findings += [f for f in check_answers(smooth) if not (is_tried and f.severity == "error")]
     refuse(findings)
     problem = smooth.with_clocks(find_clocks(smooth) if clocks is None else clocks)
     chosen = nuisances or default_nuisances(rig, problem.signals, are_forces=problem.are_forces)

@@ -35,13 +35,18 @@ class Question:
     """Nuisances as references leave them."""
 
     def locate(
-        self, rig: RigFile, clocks: Clocks | None = None, near: Located | None = None
+        self,
+        rig: RigFile,
+        clocks: Clocks | None = None,
+        near: Located | None = None,
+        *,
+        is_tried: bool = True,
     ) -> Located:
         """The gap between the runs and the twin of `rig`; `clocks`: the drives' ticks, if they are known;
-        `near`: as in `hil.gap.locate`."""
+        `near`, `is_tried`: as in `hil.gap.locate`."""
         return locate(
             self.runs, rig, nuisances=self.known, healthy=self.healthy, clocks=clocks, near=near,
-            seed=self.seed,
+            is_tried=is_tried, seed=self.seed,
         )  # fmt: skip
 
     def nuisances(self, problem: Problem) -> tuple[Nuisance, ...]:
