@@ -32,6 +32,13 @@ WORTH: Final = 0.1
 """Nats of each nuisance that a step must promise where it does not help, for sensitivities to be computed
 anew: costs are rugged, and of less nothing comes with new ones either [of seven refits of axes and a Stewart
 platform that looked again five were promised less, and got 0.13 nats at most]."""
+SHARES: Final = (1.0, 0.5, 0.25)
+"""Of a step, that are tried."""
+DELAY: Final = ".delay"
+"""Ending of nuisances that are held where no share of a step of all helps: costs are rugged in time, and
+what is plain beside it, as an encoder's zero, need not wait for it."""
+TINY: Final = 1e-6
+"""Prior spreads that what is held may move, for a solver whose bounds must differ."""
 NEARBY: Final = 0.3
 """Of a latency's prior, how far its sensitivity is stepped."""
 
@@ -95,18 +102,29 @@ def refit(
     J = given if given is not None else nuisance_sensitivities(problem, nuisances, vector, residual)
     information = np.eye(len(z))
 
+    def towards(there: Array) -> tuple[Array, Array, Array] | None:
+        """Parameters, residual, nuisances by the largest share of a step that leaves less; None: by none."""
+        here = cost(noise.whiten(problem, residual), z, problem.discount)
+        for share in SHARES:
+            new = z + share * (there - z)
+            trial = _moved(problem, nuisances, vector, sd * (new - z))
+            left = problem.residual(trial)
+            if cost(noise.whiten(problem, left), new, problem.discount) < here:
+                return trial, left, new
+        return None
+
+    timed = np.array([n.name.endswith(DELAY) for n in nuisances])
     for _ in range(ROUNDS):
         white, slopes = noise.whiten(problem, residual), noise.whiten(problem, J) * sd
         target, information = _step(slopes, white, z, lower, upper, problem.discount)
         way, here, moved = target - z, cost(white, z, problem.discount), 0.0
-        for share in (1.0, 0.5, 0.25):
-            new = z + share * way
-            trial = _moved(problem, nuisances, vector, sd * (new - z))
-            left = problem.residual(trial)
-            if cost(noise.whiten(problem, left), new, problem.discount) < here:
-                moved = float(np.max(np.abs(new - z)))
-                vector, residual, z = trial, left, new
-                break
+        step = towards(target)
+        if step is None and np.max(np.abs(way)) >= SETTLED and not timed.all():
+            low, high = np.where(timed, z - TINY, lower), np.where(timed, z + TINY, upper)
+            step = towards(_step(slopes, white, z, low, high, problem.discount)[0])
+        if step is not None:
+            moved = float(np.max(np.abs(step[2] - z)))
+            vector, residual, z = step
         if moved >= SETTLED:
             continue
         promised = here - cost(white - slopes @ way, target, problem.discount)

@@ -134,8 +134,14 @@ def considered(
 
 
 def glimpsed(q: Question, mine: Considered, twin: RigFile) -> Glimpse:
-    """What another twin would say, as far as the best candidates of `mine` tell."""
-    there = q.locate(twin, mine.located.evidence.problem.clocks, mine.located)
+    """What another twin would say, as far as the best candidates of `mine` tell.
+
+    Where drives draw lines otherwise, ticks are looked for if those of `mine` showed none.
+    """
+    clocks = mine.located.evidence.problem.clocks
+    draws_alike = twin.bus.interpolation == mine.rig.bus.interpolation
+    near = (clocks, mine.located) if clocks or draws_alike else (None, None)
+    there = q.locate(twin, *near)
     chosen = q.nuisances(there.evidence.problem)
     c, none = begin(there.evidence, mine.parts, chosen, {}, q.seed)
     seen = again(mine.calibrated, mine.fits, c, none)

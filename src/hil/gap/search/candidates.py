@@ -53,6 +53,8 @@ NEARLY: Final = 0.9
 POORLY: Final = 0.75
 """Share explained up to which springs, gaps and limits are replayed one by one: what no column shows is
 looked like by what does."""
+LIKELIEST: Final = 3
+"""Fits from whose nuisances the one without effects is begun anew."""
 WELL: Final = 0.96
 """Share explained from which on lost frames are not looked for."""
 
@@ -78,7 +80,8 @@ def fit_candidates(
         fits = [none, *ended(c, none, fits[1:], say)]
     fits = _bettered(c, fits, bristled(c, alone, fits, say))
     fits += _peaked_fits(c, fits, leaves, say)
-    return fits if DIRECTED in without else fits + _directed_fits(c, fits, without, say)
+    fits = fits if DIRECTED in without else fits + _directed_fits(c, fits, without, say)
+    return out_of_traps(c, fits)
 
 
 def fitted_again(
@@ -104,7 +107,27 @@ def fitted_again(
         return fits
     alone = _single_fits(c, none, Search(c, bank), bank.leaves, without, say, seen)
     found = _bettered(c, seen, [f for f in alone if is_itself(c, f)])
-    return [none, *ended(c, none, found, say)]
+    return out_of_traps(c, [none, *ended(c, none, found, say)])
+
+
+def out_of_traps(c: Calibrated, fits: Sequence[Fit]) -> list[Fit]:
+    """`fits`, the first of them without effects, that one anew from where the likeliest put the nuisances:
+    costs are rugged in time, and what an effect has helped out of a trap is not explained by it. Where that
+    leaves less, so may those effects from there."""
+    none, *others = fits
+    if gain(weigh(c, fits)[0]) <= FAINT:
+        return list(fits)
+    likeliest = sorted(others, key=lambda f: f.total(c))[:LIKELIEST]
+    begun = [fit(c, (), {}, f.z) for f in likeliest]
+    freed = min((none, *(f for f in begun if f is not None)), key=lambda f: f.total(c))
+    if freed.total(c) > none.total(c) - FAINT * c.problem.discount:
+        return list(fits)
+    anew = [
+        fit(c, f.leaves, relative(c, f), freed.z)
+        for f in likeliest
+        if all(leaf.effect != LOST for leaf in f.leaves)
+    ]
+    return [freed, *_bettered(c, others, [f for f in anew if f is not None])]
 
 
 def _bettered(c: Calibrated, fits: Sequence[Fit], found: Sequence[Fit]) -> list[Fit]:
