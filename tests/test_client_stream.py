@@ -7,7 +7,7 @@ import pytest
 from hil.client.stream import stream
 from hil.errors import CommandRefused
 from hil.messages import CommandReply
-from hil.signals import Cue, TimedPose
+from hil.signals import Cue, Event, TimedPose
 
 CUE = Cue("test", 0, 0.0, 0.0, (TimedPose(0.0, (0.1, 0.2)),))
 
@@ -17,12 +17,13 @@ class Rig:
 
     rig, coordinates = "two", ("pitch", "heave")
 
-    def __init__(self, state: str) -> None:
+    def __init__(self, state: str, fault: str = "", told: tuple[str, ...] = ()) -> None:
         self.sent, self.commands, self.refused = [], [], ""
-        self._state = SimpleNamespace(state=state, fault="")
+        self._state = SimpleNamespace(state=state, fault=fault)
+        self._told = [Event(0.0, "fault", "drive_error", text) for text in told]
 
     def events(self):
-        return SimpleNamespace(waiting=list)
+        return SimpleNamespace(waiting=lambda: self._told)
 
     def state(self):
         return self._state
@@ -47,6 +48,17 @@ def test_a_rig_that_went_elsewhere_ends_the_motion():
     with pytest.raises(CommandRefused, match=r"two went to parking 0\.0 s"):
         stream(rig, [CUE, CUE], ("heave", "pitch"))
     assert (len(rig.sent), rig.commands) == (1, ["finish"])
+
+
+def test_why_a_rig_went_elsewhere_is_said_once():
+    rig = Rig(
+        "emergency",
+        "drive_error: leg1 is off",
+        ("leg1 is off", "too hot", "leg1 is off", "too hot"),
+    )
+    with pytest.raises(CommandRefused) as refused:
+        stream(rig, [CUE], ("heave", "pitch"))
+    assert str(refused.value).endswith("into the motion: drive_error: leg1 is off; too hot")
 
 
 def test_a_rig_that_was_stopped_at_the_very_end_is_said():

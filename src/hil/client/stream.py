@@ -47,7 +47,7 @@ def stream(
             state = client.state()
             if state is not None and state.state not in FOLLOWING:
                 told = [e.text for e in events.waiting() if e.severity != "info"]
-                why = "; ".join(filter(None, (state.fault, *told[-3:]))) or "it was told to"
+                why = _once((state.fault, *told)) or "it was told to"
                 raise CommandRefused(
                     f"{client.rig} went to {state.state} {cue.t_client_s:.1f} s into the motion: {why}"
                 )
@@ -60,3 +60,10 @@ def stream(
     if not reply.ok:
         raise CommandRefused(f"{client.rig}: {reply.message}")
     return reply
+
+
+def _once(said: Sequence[str]) -> str:
+    """The first of `said` and the last three others, none of them twice: several causes tell the same."""
+    first, *others = said
+    new = [text for text in dict.fromkeys(others) if text not in first]
+    return "; ".join(filter(None, (first, *new[-3:])))
