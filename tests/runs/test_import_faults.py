@@ -158,13 +158,25 @@ def test_files_that_are_none_are_named(tmp_path):
     log.write_text("", encoding="utf-8")
     assert f"{log}: is empty" in refused(log)
     log.write_bytes(bytes(range(256)))
-    assert f"{log}: is no table of separated values" in refused(log)
+    assert f"{log}: is no text in utf-8" in refused(log)
     log = tmp_path / "log.parquet"
     log.write_bytes(b"PAR1")
     assert "cannot be read as parquet" in refused(log)
     log = tmp_path / "log.csv.gz"
     log.write_bytes(gzip.compress(b"time,target\n1,2\n" * 50)[:40])
     assert f"{log}: cannot be read" in refused(log)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+@pytest.mark.parametrize("row", [0, 900])
+def test_a_log_in_another_encoding_says_which_key_of_the_map_names_it(tmp_path, encoding, row):
+    log = as_csv(tmp_path, motion())
+    lines = log.read_text(encoding="utf-8").splitlines()
+    lines.insert(row, "# für Müller")
+    log.write_text("\n".join(lines), encoding=encoding)
+    said = refused(log, ALL, head='[file]\ncomment = "#"\n')
+    assert f"{log}: is no text in utf-8" in said
+    assert "encoding under [file] of the map" in said
 
 
 @pytest.mark.parametrize(("ending", "pack"), [(".gz", gzip.compress), (".xz", lzma.compress)])
@@ -491,7 +503,7 @@ def test_a_delay_by_a_time_in_another_unit_is_not_called_ok(tmp_path, unit):
 def test_another_axis_is_said(tmp_path):
     t = motion()["time"] * 1e-3
     (said,) = found(bring(log_with(tmp_path, actual=50.0 * np.sin(3.1 * t**1.1 + 1.0))), "delay")
-    assert "is it another axis?" in said
+    assert "is it another axis" in said
 
 
 def test_velocity_and_force_of_the_wrong_sign_are_said(tmp_path):

@@ -114,20 +114,27 @@ def read_csv(path: Path, wanted: set[str], how: FileSettings) -> TableSource:
         if len(known) != len(first):
             raise RunError(f"{path}: has {len(first)} columns, the map names {len(known)}")
         _check_widths(path, [_split(line, separator) for line in lines], len(known), has_header)
-    except (UnicodeError, LookupError, csv.Error) as error:
+    except UnicodeError as error:
+        raise _of_another_encoding(path, how, error) from error
+    except (LookupError, csv.Error) as error:
         raise RunError(f"{path}: is no table of separated values: {error}") from error
     except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
         raise RunError(f"{path}: cannot be read: {error}") from error
-    table = csv_table(
-        path,
-        sep=r"\s+" if separator == " " else separator,
-        header=0 if has_header else None,
-        names=known,
-        skip_rows=how.skip_rows,
-        comment=how.comment,
-        decimal=how.decimal,
-        encoding=how.encoding,
-    )
+    try:
+        table = csv_table(
+            path,
+            sep=r"\s+" if separator == " " else separator,
+            header=0 if has_header else None,
+            names=known,
+            skip_rows=how.skip_rows,
+            comment=how.comment,
+            decimal=how.decimal,
+            encoding=how.encoding,
+        )
+    except RunError as error:
+        if isinstance(error.__cause__, UnicodeError):  # further down than the first lines
+            raise _of_another_encoding(path, how, error.__cause__) from error
+        raise
     chosen = table[[name for name in known if name in wanted]]
     return TableSource(path, chosen, known, how.decimal)
 
@@ -135,6 +142,13 @@ def read_csv(path: Path, wanted: set[str], how: FileSettings) -> TableSource:
 def read_parquet(path: Path, wanted: set[str]) -> TableSource:
     """Read the `wanted` columns of a parquet file."""
     return TableSource(path, parquet_table(path, wanted), parquet_columns(path))
+
+
+def _of_another_encoding(path: Path, how: FileSettings, error: UnicodeError) -> RunError:
+    return RunError(
+        f"{path}: is no text in {how.encoding}: {error}: if it is text, say its encoding under [file] of the "
+        'map, as in encoding = "latin-1" or "utf-16"'
+    )
 
 
 def _first_lines(path: Path, how: FileSettings) -> list[str]:
