@@ -506,6 +506,12 @@ def test_another_axis_is_said(tmp_path):
     assert "is it another axis" in said
 
 
+def test_a_value_beyond_all_bounds_gets_no_delay_beyond_all_bounds(tmp_path):
+    (said,) = found(bring(log_with(tmp_path, actual=changed("actual", 700, 1e30))), "delay")
+    assert "does a value stand out by far?" in said
+    assert " ms " not in said
+
+
 def test_velocity_and_force_of_the_wrong_sign_are_said(tmp_path):
     table = motion()
     report = bring(as_csv(tmp_path, table.assign(speed=-table["speed"], force=-table["force"])))

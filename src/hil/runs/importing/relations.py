@@ -80,13 +80,17 @@ def _following(setpoint: Signal, position: Signal, source: str) -> Finding:
         best += 1 if size[best + 1] > size[best - 1] else -1
     delay = (lags[best] + _part_of_step(rates[0], rates[1], int(lags[best]))) * step
     side = "before" if delay < 0.0 else "behind"
-    said = f"{abs(delay) * 1e3:.5g} ms {side} its setpoint (correlation of the rates {c[best]:.3f})"
+    like = f"correlation of the rates {c[best]:.3f}"
+    said = f"{abs(delay) * 1e3:.5g} ms {side} its setpoint ({like})"
     where = f"{source}: column {position.column}"
     if c[best] < -LIKE:
         text = f"{where}: runs against its setpoint {setpoint.column}: give one of them sign = -1"
         return Finding("opposite_sign", name, "fault", text)
     if c[best] < LIKE:
-        text = f"{where}: is not like its setpoint {setpoint.column}, {said}: is it another axis?"
+        text = (
+            f"{where}: is not like its setpoint {setpoint.column} ({like}): is it another axis, or does a "
+            "value stand out by far?"
+        )
         return Finding("delay", name, "warning", text)
     if abs(delay) > LAG_MAX_S or not all(
         is_of_motion(usual_step_s(s.line)) for s in (setpoint, position)
