@@ -21,10 +21,10 @@ from hil.identify.experiments import (
     write_experiment,
 )
 from hil.identify.experiments.custom import read_custom
-from hil.identify.experiments.description import EXPERIMENT_CSV, EXPERIMENT_TOML
 from hil.identify.experiments.play import play_on_rig, play_simulated
 from hil.messages import CommandReply
 from hil.runs import load_run, read_cue_file
+from hil.runs.folder import EXPERIMENT_CSV, EXPERIMENT_TOML
 
 PLAN = Multisine(
     period_s=2.0, f_min=0.5, f_max=2.5, periods=2, settle_periods=0, realisations=1, fade_s=1.0,

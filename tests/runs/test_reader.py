@@ -216,6 +216,14 @@ def test_export_keeps_what_the_run_knows_of_its_rig(finished: Path, tmp_path: Pa
         assert (folder / name).read_bytes() == (finished / name).read_bytes()
 
 
+def test_export_keeps_what_was_played(finished: Path, tmp_path: Path) -> None:
+    for name in ("experiment.toml", "experiment.csv", "custom.csv"):
+        (finished / name).write_bytes(name.encode())
+    folder = export_run(load_run(finished), tmp_path / "out")
+    for name in ("experiment.toml", "experiment.csv", "custom.csv"):
+        assert (folder / name).read_bytes() == name.encode()
+
+
 def test_export_that_the_disk_does_not_take_leaves_nothing_in_the_way(
     finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,7 +9,17 @@ from typing import Final, Literal
 from hil.errors import RunError
 from hil.files import whole_folder
 from hil.messages import EventMessage, encode
-from hil.runs.folder import DRIVES, EVENTS, EXTRA, RIG_TOML, RunMeta, write_meta
+from hil.runs.folder import (
+    CUSTOM_CSV,
+    DRIVES,
+    EVENTS,
+    EXPERIMENT_CSV,
+    EXPERIMENT_TOML,
+    EXTRA,
+    RIG_TOML,
+    RunMeta,
+    write_meta,
+)
 from hil.runs.mcapfile import McapSource
 from hil.runs.reader import Run
 
@@ -42,14 +52,14 @@ def export_run(run: Run, folder: Path, kind: Literal["parquet", "csv"] = "parque
 
 
 def _keep(run: Run, folder: Path) -> None:
-    """Copy what the run knows of its rig beside the signals; a bare .mcap file has its rig file inside."""
+    """Copy what the run knows of its rig and its experiment; a bare .mcap file has its rig file inside."""
     if run.path.is_file():
         source = McapSource(run.path)
         next(iter(source), None)  # attachments come before the first message
         if RIG_TOML in source.attachments:
             (folder / RIG_TOML).write_bytes(source.attachments[RIG_TOML])
         return
-    for name in (RIG_TOML, EXTRA):
+    for name in (RIG_TOML, EXTRA, EXPERIMENT_TOML, EXPERIMENT_CSV, CUSTOM_CSV):
         if (run.path / name).is_file():
             shutil.copyfile(run.path / name, folder / name)
     if (run.path / DRIVES).is_dir():

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Final
 
 from hil.control.trajectory import CueTrajectory
 from hil.errors import RunError
 from hil.identify.experiments.plans import Custom
 from hil.runs.cuefile import read_cue_file
-
-CUSTOM_CSV: Final = "custom.csv"
-"""The file of the motion as it was given, in the folder of an experiment."""
+from hil.runs.folder import CUSTOM_CSV
 
 
 def read_custom(plan: Custom) -> tuple[Custom, CueTrajectory]:

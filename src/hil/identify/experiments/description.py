@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Final, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import tomlkit
 from pydantic import Field
@@ -20,10 +20,7 @@ from hil.errors import ConfigError, RunError
 from hil.identify.experiments.custom import keep_custom
 from hil.identify.experiments.plans import Custom, Plan
 from hil.runs.cuefile import write_cue_file
-from hil.runs.folder import Payload
-
-EXPERIMENT_TOML: Final = "experiment.toml"
-EXPERIMENT_CSV: Final = "experiment.csv"
+from hil.runs.folder import EXPERIMENT_CSV, EXPERIMENT_TOML, Payload
 
 
 class Segment(Settings):

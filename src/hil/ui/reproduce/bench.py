@@ -18,10 +18,10 @@ from hil.configfile import parse_settings, rig_toml
 from hil.control.trajectory import CueTrajectory
 from hil.drives.profile import LustProfile
 from hil.identify.experiments import Description, Plan, design, experiment_of
-from hil.identify.experiments.description import EXPERIMENT_CSV
 from hil.identify.experiments.play import play_simulated
 from hil.rigs import build_rig
 from hil.runs import Run, load_run, read_cue_file
+from hil.runs.folder import EXPERIMENT_CSV
 from hil.workers import worker_pool
 
 Array = NDArray[np.float64]
