@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from hil.runs import load_run
-from tests.daemon.bench import Bench, arm, in_state, wait_for
+from tests.daemon.bench import Bench, arm, in_state, is_in, wait_for
 
 pytestmark = pytest.mark.timeout(240)
 
@@ -58,6 +60,24 @@ def test_a_gateway_that_never_comes_up_ends_the_daemon_and_is_named(bench):
     os.kill(gateway, signal.SIGSTOP)
     assert bench.control.wait(60.0) == 1
     assert "the gateway process has not come up in 20 s" in said(bench)
+
+
+def test_a_command_that_waited_while_control_hung_is_not_done(bench):
+    """Who gave it is told after five seconds that nobody answered, and may stand beside the rig by then."""
+    bench.simulate()
+    bench.control = bench.daemon()
+    with contextlib.closing(bench.client()) as client, ThreadPoolExecutor(1) as pool:
+        in_state(client, "parked", "fault")
+        bench.control.send_signal(signal.SIGSTOP)
+        time.sleep(0.3)
+        asked = pool.submit(client.command, "arm")
+        time.sleep(3.0)
+        bench.control.send_signal(signal.SIGCONT)
+        reply = asked.result(10.0)
+        assert not reply.ok
+        assert "s late" in reply.message
+        time.sleep(0.5)
+        assert is_in(client, "parked", "fault", "emergency")
 
 
 def said(bench: Bench) -> str:

@@ -30,6 +30,7 @@ from hil.daemon.records import (
     EventRecord,
     GatewayAlive,
     Record,
+    ReplyRecord,
 )
 from hil.daemon.sdnotify import Notifier
 from hil.drives.driver import DriveBus
@@ -49,6 +50,12 @@ and the rig is disarmed."""
 GATEWAY_HUNG_S: Final = 5.0
 """A gateway that lives and says nothing for so long will not come back: the rig has parked by then, and
 whoever started the daemon had better start it anew."""
+
+COMMAND_OLD_S: Final = 2.0
+"""A command that waited so long while control started or hung is not done any more: who gave it thinks by now
+that nobody heard, and may stand beside the rig."""
+CALMING: Final = frozenset({"stop", "park", "finish", "disarm"})
+"""Commands that are never too late."""
 
 
 @dataclass(slots=True)
@@ -106,6 +113,8 @@ class ControlProcess:
         self._tell_s = now_s
         self._alive_s = now_s
         self._gateway_s = now_s
+        self._said_s = now_s
+        """When the gateway sent the heartbeat that was read last."""
         self._has_gateway = False
         self.gateway_died = False
         """The gateway process ended before this one, or hangs."""
@@ -213,15 +222,26 @@ class ControlProcess:
                 if cue is not None:
                     self._core.cue(now_s, cue)
             elif isinstance(record, CommandRecord):
-                self._core.command(now_s, record)
+                self._command(now_s, record)
             elif isinstance(record, GatewayAlive):
                 self._core.gateway_alive(now_s)
-                self._gateway_s = now_s
+                self._gateway_s, self._said_s = now_s, record.t_s
                 self._has_gateway = True
                 self._stop_waiting()
         if not self._channel.is_open:
             asyncio.get_running_loop().remove_reader(self._channel.fileno())
             self._lose_gateway(now_s, "gateway_gone", "the gateway process has ended")
+
+    def _command(self, now_s: float, command: CommandRecord) -> None:
+        late_s = now_s - self._said_s
+        if late_s < COMMAND_OLD_S or command.name in CALMING:
+            self._core.command(now_s, command)
+            return
+        text = f"{command.name} came {late_s:.1f} s late, as control was starting or hung, and is not done"
+        self._tell(
+            EventRecord(now_s, "warning", "command_late", text),
+            ReplyRecord(command.command_id, False, f"{text}: give it once more"),
+        )
 
     def _send(self, now_s: float, frames: Sequence[Frame]) -> None:
         for frame in frames:
