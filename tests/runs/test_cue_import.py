@@ -311,6 +311,7 @@ def test_cue_file_keeps_motion_rig_and_provenance(tmp_path: Path) -> None:
         ("t,roll\n0,0\n1,\n", "column roll, row 2: is empty"),
         ("t,roll\n0,0\n1,high\n", "column roll, row 2: 'high' is not a finite number"),
         ("t,roll\n0,0\n1,1.#INF\n", "column roll, row 2: '1.#INF' is not a finite number"),
+        ("t,roll\n0,0\n1,-1e300\n", "column roll, row 2: -1e+300 is beyond 1e+100"),
         ("t,roll\n0,0\n", "holds 1 poses of 1 coordinates"),
         ("t\n0\n1\n", "holds 2 poses of 0 coordinates"),
         ("\ufeff# hil-cue/2\nt,roll\n0,0\n1,0\n", "format is 'hil-cue/2'"),

@@ -32,6 +32,9 @@ ACTUATOR_QUANTITIES: Final = (
     "current",
 )
 
+LARGEST: Final = 1e100
+"""No signal of any unit is larger, and its square is still a number."""
+
 _ANY_COORDINATE: Final = tuple(dict.fromkeys(c for names in COORDINATES_OF.values() for c in names))
 _ANY_ACTUATOR: Final = re.compile(rf"[a-z][a-z0-9_]*\.({'|'.join(ACTUATOR_QUANTITIES)})")
 
@@ -182,7 +185,7 @@ def _all_numbers(table: pd.DataFrame, names: list[str], source: str) -> dict[str
 
 
 def finite_numbers(column: pd.Series, source: str, name: str, *, decimal: str = ".") -> np.ndarray:
-    """`column` as float64, NaN where empty; RunError where a cell is no finite number, or a date.
+    """`column` as float64, NaN where empty; RunError: a cell is no finite number, beyond LARGEST, or a date.
 
     `decimal`: the decimal sign of numbers that are still text, as all of a column are where one is no number.
     """
@@ -202,6 +205,10 @@ def finite_numbers(column: pd.Series, source: str, name: str, *, decimal: str = 
         row = int(wrong[0])
         (value,) = column.iloc[[row]].tolist()  # Python's own: NumPy's would say its type
         raise RunError(f"{source}: column {name}, row {row + 1}: {value!r} is not a finite number")
+    beyond = np.flatnonzero(np.abs(values) > LARGEST)
+    if beyond.size:
+        where, value = f"{source}: column {name}, row {int(beyond[0]) + 1}", values[beyond[0]]
+        raise RunError(f"{where}: {value:g} is beyond {LARGEST:g}: no signal is so large")
     return np.asarray(values)
 
 
