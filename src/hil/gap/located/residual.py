@@ -34,9 +34,9 @@ anew: costs are rugged, and of less nothing comes with new ones either [of seven
 platform that looked again five were promised less, and got 0.13 nats at most]."""
 SHARES: Final = (1.0, 0.5, 0.25)
 """Of a step, that are tried."""
-DELAY: Final = ".delay"
-"""Ending of nuisances that are held where no share of a step of all helps: costs are rugged in time, and
-what is plain beside it, as an encoder's zero, need not wait for it."""
+EVEN: Final = (".offset", ".coulomb_friction.force")
+"""Endings of nuisances that move alone where no share of a step of all helps: costs are rugged in time, and what
+is the same at every instant but for a sign can neither wait for it nor make up for it, as a mass would."""
 TINY: Final = 1e-6
 """Prior spreads that what is held may move, for a solver whose bounds must differ."""
 NEARBY: Final = 0.3
@@ -113,14 +113,14 @@ def refit(
                 return trial, left, new
         return None
 
-    timed = np.array([n.name.endswith(DELAY) for n in nuisances])
+    varied = np.array([not n.name.endswith(EVEN) for n in nuisances])
     for _ in range(ROUNDS):
         white, slopes = noise.whiten(problem, residual), noise.whiten(problem, J) * sd
         target, information = _step(slopes, white, z, lower, upper, problem.discount)
         way, here, moved = target - z, cost(white, z, problem.discount), 0.0
         step = towards(target)
-        if step is None and np.max(np.abs(way)) >= SETTLED and not timed.all():
-            low, high = np.where(timed, z - TINY, lower), np.where(timed, z + TINY, upper)
+        if step is None and np.max(np.abs(way)) >= SETTLED and not varied.all():
+            low, high = np.where(varied, z - TINY, lower), np.where(varied, z + TINY, upper)
             step = towards(_step(slopes, white, z, low, high, problem.discount)[0])
         if step is not None:
             moved = float(np.max(np.abs(step[2] - z)))
