@@ -35,8 +35,8 @@ platform that looked again five were promised less, and got 0.13 nats at most]."
 SHARES: Final = (1.0, 0.5, 0.25)
 """Of a step, that are tried."""
 EVEN: Final = (".offset", ".coulomb_friction.force")
-"""Endings of nuisances that move alone where no share of a step of all helps: costs are rugged in time, and what
-is the same at every instant but for a sign can neither wait for it nor make up for it, as a mass would."""
+"""Endings of nuisances that move alone where no share of a step of all helps: costs are rugged in time, and
+what is the same at every instant but for a sign can neither wait for it nor make up for it. A mass would."""
 TINY: Final = 1e-6
 """Prior spreads that what is held may move, for a solver whose bounds must differ."""
 NEARBY: Final = 0.3
