@@ -22,6 +22,7 @@ from hil.config import RigFile
 from hil.daemon.core import RigCore
 from hil.daemon.cue_parts import CueJoiner
 from hil.daemon.ipc import Channel
+from hil.daemon.late_commands import too_late
 from hil.daemon.log import Log
 from hil.daemon.realtime import CalmGarbage, request_rights
 from hil.daemon.records import (
@@ -30,7 +31,6 @@ from hil.daemon.records import (
     EventRecord,
     GatewayAlive,
     Record,
-    ReplyRecord,
 )
 from hil.daemon.sdnotify import Notifier
 from hil.drives.driver import DriveBus
@@ -50,12 +50,6 @@ and the rig is disarmed."""
 GATEWAY_HUNG_S: Final = 5.0
 """A gateway that lives and says nothing for so long will not come back: the rig has parked by then, and
 whoever started the daemon had better start it anew."""
-
-COMMAND_OLD_S: Final = 2.0
-"""A command that waited so long while control started or hung is not done any more: who gave it thinks by now
-that nobody heard, and may stand beside the rig."""
-CALMING: Final = frozenset({"stop", "park", "finish", "disarm"})
-"""Commands that are never too late."""
 
 
 @dataclass(slots=True)
@@ -222,7 +216,11 @@ class ControlProcess:
                 if cue is not None:
                     self._core.cue(now_s, cue)
             elif isinstance(record, CommandRecord):
-                self._command(now_s, record)
+                told = too_late(record, now_s, self._said_s)
+                if told:
+                    self._tell(*told)
+                else:
+                    self._core.command(now_s, record)
             elif isinstance(record, GatewayAlive):
                 self._core.gateway_alive(now_s)
                 self._gateway_s, self._said_s = now_s, record.t_s
@@ -231,17 +229,6 @@ class ControlProcess:
         if not self._channel.is_open:
             asyncio.get_running_loop().remove_reader(self._channel.fileno())
             self._lose_gateway(now_s, "gateway_gone", "the gateway process has ended")
-
-    def _command(self, now_s: float, command: CommandRecord) -> None:
-        late_s = now_s - self._said_s
-        if late_s < COMMAND_OLD_S or command.name in CALMING:
-            self._core.command(now_s, command)
-            return
-        text = f"{command.name} came {late_s:.1f} s late, as control was starting or hung, and is not done"
-        self._tell(
-            EventRecord(now_s, "warning", "command_late", text),
-            ReplyRecord(command.command_id, False, f"{text}: give it once more"),
-        )
 
     def _send(self, now_s: float, frames: Sequence[Frame]) -> None:
         for frame in frames:
