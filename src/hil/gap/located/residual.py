@@ -102,9 +102,8 @@ def refit(
     J = given if given is not None else nuisance_sensitivities(problem, nuisances, vector, residual)
     information = np.eye(len(z))
 
-    def towards(there: Array) -> tuple[Array, Array, Array] | None:
-        """Parameters, residual, nuisances by the largest share of a step that leaves less; None: by none."""
-        here = cost(noise.whiten(problem, residual), z, problem.discount)
+    def towards(there: Array, here: float) -> tuple[Array, Array, Array] | None:
+        """Parameters, residual, nuisances by the largest share of a step that costs less than `here`."""
         for share in SHARES:
             new = z + share * (there - z)
             trial = _moved(problem, nuisances, vector, sd * (new - z))
@@ -118,10 +117,10 @@ def refit(
         white, slopes = noise.whiten(problem, residual), noise.whiten(problem, J) * sd
         target, information = _step(slopes, white, z, lower, upper, problem.discount)
         way, here, moved = target - z, cost(white, z, problem.discount), 0.0
-        step = towards(target)
+        step = towards(target, here)
         if step is None and np.max(np.abs(way)) >= SETTLED and not varied.all():
             low, high = np.where(varied, z - TINY, lower), np.where(varied, z + TINY, upper)
-            step = towards(_step(slopes, white, z, low, high, problem.discount)[0])
+            step = towards(_step(slopes, white, z, low, high, problem.discount)[0], here)
         if step is not None:
             moved = float(np.max(np.abs(step[2] - z)))
             vector, residual, z = step

@@ -24,7 +24,7 @@ BODIES = ("rear wheel", "rear frame with rider", "handlebar and fork", "front wh
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """One bicycle for compiled code. Arrays are read-only; `with_` makes another."""
+    """One bicycle for compiled code. Arrays are read-only; `scaled` makes another."""
 
     p: Array
     """(13,) geometry."""
