@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding
 import numba
 from numba.core import caching
 
@@ -59,6 +60,11 @@ if not numba.config.CACHE_LOCATOR_CLASSES and not numba.config.CACHE_DIR:
     ours = [f"{__name__}.{c.__name__}" for c in (InTree, UserWide)]
     theirs = [c.__name__ for c in caching.CacheImpl._locator_classes]
     numba.config.CACHE_LOCATOR_CLASSES = ",".join(ours + theirs)
+
+# Loops over a rig's few actuators are unrolled where their number is known as they are compiled, and memory
+# is not addressed through one running pointer for each row (decision 5).
+for option in ("-unroll-threshold=600", "-disable-lsr"):
+    llvmlite.binding.set_option("hil", option)
 
 # Small functions called in every step are inlined: their calls cost more than what they do.
 compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)

@@ -75,7 +75,7 @@ def add_payload(model: Array, mass_kg: float, position_m: tuple[float, float, fl
 
     The drives' own static-force feed-forward does not learn of it.
     """
-    body = split(model)[3]
+    body = split(model, int(model[lay.H_N]))[3]
     m, cog = body[0], np.array(body[1:4])
     place = np.array(position_m)
     total = m + mass_kg
@@ -155,10 +155,9 @@ def _pack_imu(rig: RigFile) -> Array:
 
 
 @compiled
-def split(model):  # type: ignore[no-untyped-def]
+def split(model, n):  # type: ignore[no-untyped-def]
     """Views: actuators (A_ROWS, n), geometry, nominal geometry, body, nominal body, gravity, nominal
     gravity, legs (n, 6), legs that are fed forward, IMU."""
-    n = int(model[lay.H_N])
     ng = int(model[lay.H_GEOMETRY])
     a = lay.HEADER
     b = a + lay.A_ROWS * n
@@ -187,7 +186,7 @@ def apply_parameters(base, p, out):  # type: ignore[no-untyped-def]
     for c in range(base.shape[0]):
         out[c] = base[c]
     n = int(base[lay.H_N])
-    act, geometry, _, body, _, gravity, _, _, _, imu = split(out)
+    act, geometry, _, body, _, gravity, _, _, _, imu = split(out, n)
     for i in range(n):
         x = p[i * lay.ACTUATOR_BLOCK : i * lay.ACTUATOR_BLOCK + lay.ACTUATOR_SIZE]
         act[lay.A_COULOMB_POS, i] += x[lay.P_COULOMB] + x[lay.P_ASYM_POS]

@@ -54,8 +54,8 @@ def replay(  # type: ignore[no-untyped-def]
 ):
     """Run the record with parameters `p` on model `base`, from rest at actuator positions `start` (n,).
 
-    `ticked` (n,): 1 for the drives that take each setpoint, at the instant it reaches them and half a tick,
-    at a tick of their own.
+    `ticked`, a tuple of n: 1 for the drives that take each setpoint, at the instant it reaches them and half
+    a tick, at a tick of their own. Its length is known when this is compiled, once for each n.
 
     Events of actuator i are ev_*[ev_first[i] : ev_first[i + 1]]: send instants s (rising) and setpoints.
     Samples of group g are [s_first[g] : s_first[g + 1]] of s_t (receive stamps s, rising) and `out`; its
@@ -63,18 +63,19 @@ def replay(  # type: ignore[no-untyped-def]
     The last of them lead the model to what was measured: positions `seen`, from the place in `out` on where
     they begin, with lead_w (rad/s) as in `_lead`.
     """
-    n = int(base[lay.H_N])
+    n = len(ticked)
     model = np.empty_like(base)
     apply_parameters(base, p, model)
     state = np.empty(state_size(n))
     if not rest(model, start, modes, q_guess, state) < REST_M:
         out[:] = np.nan
         return
-    views = split(model)
+    views = split(model, n)
     act, imu = views[0], views[9]
     st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))
     tail = state[lay.S_ROWS * n :]
-    st[lay.S_TICKED] = ticked
+    for i in range(n):
+        st[lay.S_TICKED, i] = ticked[i]
     groups = s_signal.shape[0]
     sensor, column = np.empty((groups, 5)), np.empty(groups, np.int64)
     home, delay, unit = np.zeros(groups), np.zeros(groups), np.ones(groups)
@@ -99,7 +100,7 @@ def replay(  # type: ignore[no-untyped-def]
         elif quantity == 3:
             unit[g] = act[lay.A_FORCE_PER_A, i]
     lost = p[n * lay.ACTUATOR_BLOCK + lay.BUS_AT]
-    mem = tick_memory(model, imu)
+    mem = tick_memory(model, n, imu)
     dt = model[lay.H_DT]
     rows = np.empty((2, 4 * n + 6))
     put_outputs(st, tail, rows[0])

@@ -98,9 +98,9 @@ def rest(model, target, modes, q_guess, state):  # type: ignore[no-untyped-def]
     drive's error is what its law needs. Newton's method on the positions, with half steps where a full one
     makes it worse. Returns the largest position error left, m: above REST_M there is no such rest.
     """
-    views = split(model)
-    act, gravity, imu = views[0], views[5], views[9]
     n = int(model[lay.H_N])
+    views = split(model, n)
+    act, gravity, imu = views[0], views[5], views[9]
     for c in range(state.shape[0]):
         state[c] = 0.0
     st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))

@@ -40,10 +40,9 @@ def put_outputs(st, tail, row):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def tick_memory(model, imu):  # type: ignore[no-untyped-def]
+def tick_memory(model, n, imu):  # type: ignore[no-untyped-def]
     """What `tick` works in, kept by its caller: the mechanics' memory, forces (n,), mean rates (n,), the IMU
     filters' coefficients (4, 4) and input (6,), the memory of static forces."""
-    n = int(model[lay.H_N])
     coefficients = np.empty((4, 4))
     if model[lay.H_IMU] != 0.0:
         filter_coefficients(imu, model[lay.H_DT] / model[lay.H_SUBSTEPS], coefficients)
@@ -87,15 +86,15 @@ def advance(model, state, events, count, ring, to_s):  # type: ignore[no-untyped
     `events` (N, 3): arrival s, actuator, setpoint, of which the first `count` wait; those that arrive
     in time are delivered in their order. Returns how many still wait, moved to the front.
     """
-    views = split(model)
     n = int(model[lay.H_N])
+    views = split(model, n)
     st = state[: lay.S_ROWS * n].reshape((lay.S_ROWS, n))
     tail = state[lay.S_ROWS * n :]
     dt = model[lay.H_DT]
     k = int(tail[lay.S_TAIL - 1])
     if k * dt >= to_s - EPSILON_S:
         return count
-    mem = tick_memory(model, views[9])
+    mem = tick_memory(model, n, views[9])
     with_imu = model[lay.H_IMU] != 0.0
     while k * dt < to_s - EPSILON_S:
         if count > 0:

@@ -168,7 +168,7 @@ class Replay:
         self._arguments = (
             np.array(start, dtype=float),
             np.full(n, float(MODES[mode])),
-            np.array([float(a in ticked) for a in rig.actuator_names]),
+            tuple(float(a in ticked) for a in rig.actuator_names),
             np.zeros(n) if guess is None else np.array(guess, dtype=float),
             np.cumsum([0] + [len(t) for t, _ in events]),
             np.concatenate([np.asarray(t, dtype=float) for t, _ in events]) - self.origin_s,

@@ -179,7 +179,7 @@ class TwinProblem:
 
 def _scale_forces(model: Array, factor: float) -> None:
     """Everything in a packed model that carries N or kg, times `factor`."""
-    act, _, _, body, nominal, _, _, legs, _, _ = split(model)
+    act, _, _, body, nominal, _, _, legs, _, _ = split(model, int(model[lay.H_N]))
     is_pd = act[lay.A_PD] != 0.0
     act[lay.A_KP, is_pd] *= factor
     for row in (
