@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import time
 import tomllib
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -256,6 +258,20 @@ def test_a_case_that_fails_or_takes_too_long_is_kept_as_an_error(
     (broken / "rig.toml").write_text("name = 3")
     sit_case(broken, _seat(exam, tmp_path, baseline="random"))
     assert "ConfigError" in json.loads((tmp_path / "bad.json").read_text())["error"]
+
+
+def test_a_limit_that_is_told_where_nobody_listens_is_told_again(
+    exam: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def diagnose(*runs: Any, **how: Any) -> Any:
+        with suppress(TimeoutError):  # as where memory is being collected
+            time.sleep(60.0)
+        time.sleep(60.0)
+
+    monkeypatch.setattr("hil.gap.bicycle.diagnose_any", diagnose)
+    case = case_folders(exam)[0]
+    sit_case(case, Sitting(tmp_path, limit_s=0.05))
+    assert "longer than 0.05 s" in json.loads((tmp_path / f"{case.name}.json").read_text())["error"]
 
 
 def test_withheld_effects_that_a_cases_rig_has_not_do_not_fail_it(

@@ -28,6 +28,8 @@ from hil.workers import worker_pool
 
 Baseline = Literal["random", "best-training", "naive-bic", "oracle"]
 LIMIT_S: Final = 1800.0
+AGAIN_S: Final = 1.0
+"""After which the limit is told again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,13 +227,14 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def _limit(seconds: float) -> Iterator[None]:
-    """TimeoutError after so long, where the process can be told so (its main thread)."""
+    """TimeoutError after so long, where the process can be told so (its main thread), and again and again:
+    one that is raised while memory is collected, or in a callback of compiled code, is lost."""
 
     def ring(number: int, frame: FrameType | None) -> None:
         raise TimeoutError(f"took longer than {seconds:g} s")
 
     before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN_S)
     try:
         yield
     finally:
