@@ -108,6 +108,25 @@ def test_position_and_accelerometer_struck_at_once_are_a_gap_and_one_after_the_o
     assert jumps(locate(late, AXIS))[1] < 1.0
 
 
+@pytest.mark.parametrize(("share", "is_event"), [(1.0, False), (0.1, True)])
+def test_what_a_frame_late_by_a_tick_does_to_an_accelerometer_at_speed_is_no_event(share, is_event):
+    frame = record(share=share)
+    sent, told = frame[["t", "axis.setpoint"]].dropna().to_numpy().T
+    t = np.arange(0.3e-3, 14.0, 1.0 / AXIS.imu.rate)
+    late = AXIS.bus.position_loop * (np.arange(len(sent)) % 8 == 5)
+
+    def felt(sent, told):
+        return Twin(AXIS).replay({"axis": (sent, told)}, {"imu.accel_x": t})["imu.accel_x"]
+
+    kicks = felt(sent + late, told / share) - felt(sent, told / share)  # as at full speed
+    noise = AXIS.noise.accel * np.random.default_rng(5).standard_normal(len(t))
+    felt = pd.DataFrame({"t": t, "imu.accel_x": felt(sent, told) + kicks + noise})
+    frame = pd.concat([frame, felt]).sort_values("t", kind="stable", ignore_index=True)
+    signal, times = jumps(locate(frame, AXIS))
+    assert (times > 1.0) == is_event
+    assert not is_event or signal == "imu.accel_x"
+
+
 def test_a_speed_limit_that_is_met_once_is_found():
     sent = record(share=0.8)
     told = sent[["t", "axis.setpoint"]].dropna().to_numpy().T

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -14,12 +15,14 @@ from hil.gap.catalogue.nuisances import WOBBLE_M
 from hil.gap.floor.noise import time_sensitivity
 from hil.gap.located.result import Located
 from hil.gap.record.problem import Problem
+from hil.identify.replay import Stretch
 
 Array = NDArray[np.float64]
 
 WILD: Final = {"position": 3.0, "accel": 4.5}
 """Floors of a signal, lone samples and all, that are a gap alone: healthy rigs of three worlds stay below 1.2
-and 3.1, for late frames are felt by accelerometers as well."""
+and 3.1, for late frames are felt by accelerometers as well, but for one of a fourth at its limit of
+speed: 4.7, which frames late by one tick make."""
 STRUCK: Final = {"position": 10.0, "force": 250.0, "current": 250.0}
 """Spreads that a lone sample must have to be a gap alone, what a frame that is LATE does among them: healthy
 rigs of two worlds stay below 4.6 and, struck by the latest of frames, 121."""
@@ -89,7 +92,7 @@ def jumps(located: Located) -> tuple[str | None, float]:
     for signal in problem.signals:
         quantity = next(x.quantity for x in problem.series if x.signal == signal)
         times = max(
-            _wild(located, signal) / WILD.get(quantity, np.inf),
+            _wild(located, signal, quantity),
             shocks.get(signal, 0.0) / STRUCK.get(quantity, np.inf),
             held.get(signal, 0.0),
             knocks.get(signal, 0.0),
@@ -100,15 +103,47 @@ def jumps(located: Located) -> tuple[str | None, float]:
     return worst, most
 
 
-def _wild(located: Located, signal: str) -> float:
-    """Root mean square of a signal's residual, lone samples and all, in what noise is."""
-    e = located.evidence
+def _wild(located: Located, signal: str, quantity: str) -> float:
+    """Root mean square of a signal's residual, lone samples and all, in what is a gap alone; of an
+    accelerometer, where that is one, of what a late frame's kick does not reach."""
+    e, asked = located.evidence, WILD.get(quantity)
     parts = [x.part for x in e.problem.series if x.signal == signal]
     kept = np.concatenate([e.problem.kept[p] for p in parts])
-    left = np.concatenate([e.residual[p] / e.noise.sigma[p] for p in parts])[kept]
-    drawn = np.hstack([e.noise.draws[:, p] / e.noise.sigma[p] for p in parts])[:, kept]
+    if asked is None or not kept.any():
+        return 0.0
+    sigma = np.concatenate([e.noise.sigma[p] for p in parts])[kept]
+    drawn = np.hstack([e.noise.draws[:, p] for p in parts])[:, kept] / sigma
     usual = max(float(np.sqrt(np.mean(drawn**2))), 1.0) if drawn.size else 1.0
-    return float(np.sqrt(np.mean(left**2))) / usual if len(left) else 0.0
+
+    def size(left: Array) -> float:
+        return float(np.sqrt(np.mean((left / sigma) ** 2))) / usual / asked
+
+    left = np.abs(np.concatenate([e.residual[p] for p in parts])[kept])
+    if quantity != "accel" or size(left) <= 1.0:
+        return size(left)
+    kicks = _kicks(e.problem, e.vector)
+    kick = np.concatenate([maximum_filter1d(kicks[p], NEAR) for p in parts])[kept]
+    return size(np.maximum(left - kick, np.minimum(left, sigma)))
+
+
+def _kicks(problem: Problem, vector: Array) -> Array:
+    """(N,) by how much frames that act a tick of their drive late, every second of them, change each sample:
+    at speed a line that stands still for a tick brakes hard."""
+    bus = problem.rig.bus
+    late_s = min(bus.position_loop, 0.5 * bus.cycle)
+    usual, most = problem.predict(vector)[0], np.zeros(problem.size)
+    for second in (0, 1):
+
+        def delayed(piece: Stretch, second: int = second) -> Stretch:
+            told = {
+                a: (t + late_s * (np.arange(len(t)) % 2 == second), v)
+                for a, (t, v) in piece.setpoints.items()
+            }
+            return replace(piece, setpoints=told)
+
+        moved = problem.on([delayed(piece) for piece in problem.sent], problem.clocks)
+        most = np.maximum(most, np.abs(moved.predict(vector)[0] - usual))
+    return most
 
 
 def _shocks(located: Located) -> dict[str, float]:
