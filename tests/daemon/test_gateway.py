@@ -258,10 +258,23 @@ def test_nobody_gives_all_commands_at_once(running, client):
 
 def test_a_control_process_that_does_not_answer_is_a_refusal_in_time(running, client):
     running.control.answer = lambda command: None
+    states = client.subscribe("state")
+    running.control.state()
+    until(lambda: states)
     start_s = time.monotonic()
     ((_, reply),) = client.get("command/park")
     assert reply == {"ok": False, "message": "the control process did not answer within 0.2 s"}
     assert time.monotonic() - start_s < 1.0
+
+
+def test_a_control_process_that_still_starts_is_not_said_to_hang(running, client):
+    running.control.answer = lambda command: None  # it compiles, and has told no state yet
+    ((_, reply),) = client.get("command/arm")
+    assert reply == {
+        "ok": False,
+        "message": "the control process still starts and did not answer within 0.2 s: "
+        "give it once more later",
+    }
 
 
 def test_commands_of_several_clients_get_each_their_own_answer(running):

@@ -82,6 +82,8 @@ class PendingCommands:
         self._timeout_s = timeout_s
         self._waiting: dict[int, asyncio.Future[CommandReply]] = {}
         self._next_id = 1
+        self.has_begun = False
+        """Control has told a state: it runs. Before, it may compile its model for a minute."""
 
     async def ask(self, command: Command) -> CommandReply:
         """Give `command` to control and wait; every way in which that fails is a reply too."""
@@ -93,8 +95,11 @@ class PendingCommands:
                 return CommandReply(False, "the control process cannot be reached")
             return await asyncio.wait_for(future, self._timeout_s)
         except TimeoutError:
+            silent = f"did not answer within {self._timeout_s:g} s"
+            if self.has_begun:
+                return CommandReply(False, f"the control process {silent}")
             return CommandReply(
-                False, f"the control process did not answer within {self._timeout_s:g} s"
+                False, f"the control process still starts and {silent}: give it once more later"
             )
         finally:
             del self._waiting[command_id]

@@ -55,6 +55,7 @@ class Relay:
         self._recording = recording
         self._metrics = metrics
         self._events = events
+        self._commands = commands
         self._sources = Sources(rig.actuator_names)
         self._state_rate = Decimator(rig.zenoh.state_hz)
         self._drive_rates: dict[tuple[int, str], Decimator] = {}
@@ -132,6 +133,7 @@ class Relay:
 
     def _on_state(self, record: StateRecord) -> None:
         self.last_state = record
+        self._commands.has_begun = True
         self._heard_s = time.monotonic()
         self._metrics.state(record)
         self._keep(record)
