@@ -332,6 +332,25 @@ def test_full_disk_keeps_all_that_was_written_before(
     assert info.trouble == "recording stopped: No space left on device"
 
 
+def test_a_disk_without_room_for_the_last_words_gets_them_once_it_has(
+    recorder: Recorder, rig: RigFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_space(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(recorder._mcap, "flush", no_space)
+        full.setattr(recorder, "_append_event", no_space)
+        full.setattr("hil.runs.recorder.write_meta", no_space)
+        tell(recorder, rig, 0, 200)
+    assert recorder.stopped is not None
+    assert read_meta(recorder.path).recording.end_reason == ""
+    recorder.close("asked for")
+    end = read_meta(recorder.path).recording
+    assert end.end_reason == "recording stopped: No space left on device"
+    assert (end.ended - STARTED).total_seconds() == pytest.approx(0.5, abs=0.02)
+
+
 def test_a_disk_that_is_full_already_is_named_and_gets_no_folder(
     tmp_path: Path, rig: RigFile, rig_toml: str
 ) -> None:

@@ -91,6 +91,8 @@ class Recorder:
         self._last_s = now_s
         self._imu: dict[str, float] = {}
         self._imu_at = (now_s, now_s)
+        self._untold = ""
+        """Why recording stopped, while `run.toml` could not be written."""
         self.stopped: Event | None = None
         """Why recording ended before `close`; None while all is well."""
         try:
@@ -200,6 +202,7 @@ class Recorder:
         self._write_imu()
         self._guarded(self._finish)
         self._guarded(lambda: self._note_end(reason))
+        self._tell_why()
         self.stopped = self.stopped or Event(
             self._last_s, "info", "recorder_closed", f"the recording {self.path} is complete"
         )
@@ -207,7 +210,8 @@ class Recorder:
 
     def _note_end(self, reason: str) -> None:
         assert self._meta.recording is not None
-        ended = datetime.fromtimestamp(self._last_s + self._offset_s, UTC)
+        end_s = self.stopped.t_s if self.stopped else self._last_s
+        ended = datetime.fromtimestamp(end_s + self._offset_s, UTC)
         recording = self._meta.recording.model_copy(update={"ended": ended, "end_reason": reason})
         write_meta(self.path, self._meta.model_copy(update={"recording": recording}))
 
@@ -268,11 +272,21 @@ class Recorder:
     def _stop(self, why: str, finish: Callable[[], None] = lambda: None) -> None:
         text = f"recording into {self.path} stopped: {why}; the rig goes on without"
         self.stopped = Event(self._last_s, "warning", "recorder_stopped", text)
-        with contextlib.suppress(OSError):  # no room even for this line: `stopped` still says it
-            self._append_event(EventMessage(self._last_s, "warning", "recorder_stopped", text))
-            finish()
-            self._note_end(f"{STOPPED}{why}")
+        message = EventMessage(self._last_s, "warning", "recorder_stopped", text)
+        last: tuple[Callable[[], None], ...] = (lambda: self._append_event(message), finish)
+        for write in last:
+            with contextlib.suppress(OSError):  # no room even for this: `stopped` still says it
+                write()
+        self._untold = f"{STOPPED}{why}"
+        self._tell_why()
         self._release()
+
+    def _tell_why(self) -> None:
+        """Note why it stopped, if that is not noted yet; a disk without room for it may have some later."""
+        if self._untold:
+            with contextlib.suppress(OSError):
+                self._note_end(self._untold)
+                self._untold = ""
 
     def _release(self) -> None:
         closers = [self._stream.close, self._events.close, self._journal.close]
