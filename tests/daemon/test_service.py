@@ -71,6 +71,21 @@ def test_a_rig_on_a_virtual_bus_brings_no_interface_up(root, rig_on_can):
     assert not (root / "etc/hil/vcan0.env").exists()
 
 
+def test_every_bus_of_a_rig_is_brought_up(root, rig_on_can):
+    text = rig_on_can.read_text()
+    further = '[[can.further]]\nurl = "socketcan:{}"\nbitrate = {}\n'
+    more = further.format("can2", 1_000_000) + further.format("vcan0", 250_000)
+    rig_on_can.write_text(f"{text}\n{more}")
+    said = install(root, rig_on_can)
+    assert "BITRATE=500000" in (root / "etc/hil/can1.env").read_text()
+    assert "BITRATE=1000000" in (root / "etc/hil/can2.env").read_text()
+    assert not (root / "etc/hil/vcan0.env").exists()
+    wants = (root / "etc/systemd/system/hild.service.d/can.conf").read_text()
+    both = "hil-can@can1.service hil-can@can2.service"
+    assert wants == f"[Unit]\nWants={both}\nAfter={both}\n"
+    assert f"to do    systemctl enable hild.service {both}" in said
+
+
 def test_installing_twice_changes_nothing(root, rig_on_can):
     install(root, rig_on_can)
     again = install(root, rig_on_can)

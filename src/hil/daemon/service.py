@@ -10,7 +10,7 @@ import math
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
@@ -57,19 +57,24 @@ def unit_files(rig: RigFile | None, executable: Path) -> list[Placed]:
         _copied(folder / "hil.sysusers", Path("etc/sysusers.d/hil.conf")),
         _copied(folder / "hil.tmpfiles", Path("etc/tmpfiles.d/hil.conf")),
     ]
-    interface = None if rig is None else real_interface(rig)
-    if rig is not None and interface is not None:
-        settings = f"BITRATE={rig.can.bitrate}\nTXQUEUELEN={QUEUE_FRAMES}\n"
-        needs = f"[Unit]\nWants=hil-can@{interface}.service\nAfter=hil-can@{interface}.service\n"
-        placed += [Placed(Path(f"etc/hil/{interface}.env"), settings), Placed(_WANTS_CAN, needs)]
+    interfaces = {} if rig is None else real_interfaces(rig)
+    for interface, bitrate_bps in interfaces.items():
+        settings = f"BITRATE={bitrate_bps}\nTXQUEUELEN={QUEUE_FRAMES}\n"
+        placed.append(Placed(Path(f"etc/hil/{interface}.env"), settings))
+    if interfaces:
+        units = " ".join(_can_units(interfaces))
+        placed.append(Placed(_WANTS_CAN, f"[Unit]\nWants={units}\nAfter={units}\n"))
     return placed
 
 
-def real_interface(rig: RigFile) -> str | None:
-    """The SocketCAN interface that has to be brought up for a rig; None for virtual ones and hubs."""
-    scheme, interface = bus_of(rig.can.url)
-    virtual = interface.startswith(("vcan", "vxcan"))
-    return interface if scheme == "socketcan" and not virtual else None
+def real_interfaces(rig: RigFile) -> dict[str, int]:
+    """Bit rate, bit/s, of each SocketCAN interface that has to be brought up: no virtual ones, no hubs."""
+    buses = zip(map(bus_of, rig.can.urls), rig.can.bitrates, strict=True)
+    return {
+        interface: bitrate_bps
+        for (scheme, interface), bitrate_bps in buses
+        if scheme == "socketcan" and not interface.startswith(("vcan", "vxcan"))
+    }
 
 
 def install(
@@ -93,10 +98,11 @@ def install(
         if rig is not None:
             said += _place_rig(root, rig_file.read_text(encoding="utf-8"), dry_run)
         said += [_place(root, item, dry_run) for item in placed]
-        if real_interface(settings) is None and (root / _WANTS_CAN).is_file():
+        if not real_interfaces(settings) and (root / _WANTS_CAN).is_file():
             if not dry_run:
                 (root / _WANTS_CAN).unlink()
-            said.append(f"removed  /{_WANTS_CAN}: {settings.can.url} needs no bringing up")
+            urls = ", ".join(settings.can.urls)
+            said.append(f"removed  /{_WANTS_CAN}: {urls} needs no bringing up")
     except OSError as error:
         raise HilError(_no_rights(error)) from error
     for command in install_commands(settings):
@@ -112,9 +118,7 @@ def uninstall(root: Path) -> list[str]:
     """Remove the service; rig file, recordings and user stay. HilError where rights are missing."""
     said = []
     commands: list[list[str]] = [["systemctl", "disable", "--now", "hild.service"]]
-    commands += [
-        ["systemctl", "disable", "--now", f"hil-can@{name}.service"] for name in _cans(root)
-    ]
+    commands += [["systemctl", "disable", "--now", unit] for unit in _can_units(_cans(root))]
     if root == Path("/"):
         said += [_run(command) for command in commands]
     try:
@@ -139,15 +143,14 @@ def status(root: Path, executable: Path | None = None) -> list[str]:
     said = [f"{item.state(root):<9} /{item.path}" for item in placed]
     said.append(f"{'installed' if settings else 'missing':<9} /{RIG}")
     if root == Path("/"):
-        for unit in ("hild.service", *(f"hil-can@{name}.service" for name in _cans(root))):
+        for unit in ("hild.service", *_can_units(_cans(root))):
             said.append(f"{_asked('is-active', unit):<9} {unit}, {_asked('is-enabled', unit)}")
     return said
 
 
 def install_commands(rig: RigFile) -> list[list[str]]:
     """What makes the installed files known to the system, in order."""
-    interface = real_interface(rig)
-    units = ["hild.service"] + ([] if interface is None else [f"hil-can@{interface}.service"])
+    units = ["hild.service", *_can_units(real_interfaces(rig))]
     return [
         ["systemd-sysusers", "/etc/sysusers.d/hil.conf"],
         ["systemd-tmpfiles", "--create", "/etc/tmpfiles.d/hil.conf"],
@@ -212,6 +215,10 @@ def _installed(root: Path) -> list[Path]:
     files = [item.path for item in unit_files(None, own_executable())]
     files += [_WANTS_CAN, *(Path(f"etc/hil/{name}.env") for name in _cans(root))]
     return [path for path in files if (root / path).is_file()]
+
+
+def _can_units(interfaces: Iterable[str]) -> list[str]:
+    return [f"hil-can@{interface}.service" for interface in interfaces]
 
 
 def _cans(root: Path) -> list[str]:
