@@ -117,6 +117,21 @@ def test_a_wrong_rig_file_is_not_installed(root, tmp_path):
     assert not root.exists()
 
 
+@pytest.mark.parametrize("profile", ["mine", "./drives/mine", "/home/rider/drives/mine"])
+def test_a_drive_file_that_the_service_cannot_see_is_refused(
+    root, rig_on_can, monkeypatch, profile
+):
+    (rig_on_can.parent / "mine").mkdir()
+    monkeypatch.chdir(rig_on_can.parent)
+    text = rig_on_can.read_text()
+    rig_on_can.write_text(text.replace('"lust_cdd3000"', f'"{profile}"', 1))
+    with pytest.raises(ConfigError, match=r"actuators\[0\] \(.*\)\.drive\.profile: .*whole path"):
+        install(root, rig_on_can)
+    assert not root.exists()
+    rig_on_can.write_text(text.replace('"lust_cdd3000"', '"/etc/hil/drives/mine"', 1))
+    install(root, rig_on_can)
+
+
 def test_a_hil_that_the_service_cannot_see_is_refused(root, rig_on_can):
     with pytest.raises(HilError, match="make install"):
         service.install(root, str(rig_on_can), executable=Path("/home/rider/venv/bin/hil"))

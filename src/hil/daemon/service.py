@@ -18,7 +18,7 @@ from typing import Final, Literal
 from hil.config import RigFile, bus_of
 from hil.configfile import data_folder, find_rig_file, load_rig
 from hil.daemon.leaving import daemon_s
-from hil.errors import HilError
+from hil.errors import ConfigError, HilError
 
 RIG: Final = Path("etc/hil/rig.toml")
 QUEUE_FRAMES: Final = 128
@@ -84,7 +84,7 @@ def install(
 
     A dry run changes nothing and says the same. Without `rig` the rig file that is there stays.
     HilError where there is none, where the service could not reach this Python, or where rights
-    are missing; ConfigError where the rig file is wrong.
+    are missing; ConfigError where the rig file is wrong, or names a drive file that the service does not see.
     """
     executable = executable or own_executable()
     _require_reachable(executable)
@@ -92,6 +92,7 @@ def install(
     if not rig_file.is_file():
         raise HilError(f"{rig_file}: there is no rig file yet; name one with --rig")
     settings = load_rig(rig_file)
+    _require_drive_files(settings, str(rig_file))
     placed = unit_files(settings, executable)
     said = []
     try:
@@ -167,12 +168,36 @@ def own_executable() -> Path:
 def _require_reachable(executable: Path) -> None:
     # The interpreter itself counts too: a Python of pyenv or uv lies in somebody's home.
     for path in (executable, executable.parent / "python", Path(__file__)):
-        if str(path.resolve()).startswith(tuple(f"{hidden}/" for hidden in _HIDDEN)):
+        if _is_hidden(path):
             raise HilError(
                 f"{path.resolve()}: a service sees nothing below {', '.join(_HIDDEN)}; install hil elsewhere "
                 "with the system's Python, as `make install PYTHON=/usr/bin/python3.11` does (into "
                 "/opt/hil), and call that one's `hil service install`"
             )
+
+
+def _require_drive_files(rig: RigFile, source: str) -> None:
+    """ConfigError names each drive file of the owner's that the service would not find."""
+    faults = [
+        f"{source}: actuators[{k}] ({a.name}).drive.profile: {a.drive.profile}: the service looks for it "
+        f"from its own folder and sees nothing below {', '.join(_HIDDEN)}; put the folder elsewhere, "
+        "as below /etc/hil, and give its whole path"
+        for k, a in enumerate(rig.actuators)
+        if not _is_seen(a.drive.profile)
+    ]
+    if faults:
+        raise ConfigError("\n".join(faults))
+
+
+def _is_seen(profile: str) -> bool:
+    """Whether the service sees the family `profile`: one that comes with hil, or a whole path."""
+    if Path(profile).is_absolute():
+        return not _is_hidden(Path(profile))
+    return (data_folder("drives") / profile).is_dir()
+
+
+def _is_hidden(path: Path) -> bool:
+    return str(path.resolve()).startswith(tuple(f"{hidden}/" for hidden in _HIDDEN))
 
 
 def _unit(text: str, rig: RigFile | None, executable: Path) -> str:
