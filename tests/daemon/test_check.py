@@ -13,7 +13,7 @@ import pytest
 from hil.bus.hub import Hub
 from hil.bus.port import open_port
 from hil.daemon.check import Probe, check_contradictions
-from hil.daemon.check.bus import check_bus, check_interface
+from hil.daemon.check.bus import Wanted, check_bus, check_interface
 from hil.daemon.check.drives import check_drives
 from hil.daemon.check.host import check_daemon, check_disk, check_endpoints
 from hil.daemon.check.pc import check_cycle, check_pc
@@ -75,7 +75,8 @@ def remedy(found, topic):
 
 
 def interface(tree, link=GOOD_LINK, rig=RIG, name="can0"):
-    return check_interface(rig, name, tree.root, lambda asked: link)
+    wanted = Wanted(name, rig.can.bitrate, len(rig.actuators))
+    return check_interface(wanted, tree.root, lambda asked: link)
 
 
 def changed_link(**changes):
@@ -198,6 +199,14 @@ def test_a_controller_that_sees_errors_points_at_the_wiring(tree, state, level):
 def test_listen_only_mode_is_a_fault(tree):
     found = interface(tree, changed_link(ctrlmode=["LISTEN-ONLY"]))
     assert trouble(found) == {"controller": "fault"}
+
+
+def test_every_bus_of_a_rig_is_looked_at(tree):
+    further = [{"url": "socketcan:can7"}, {"url": f"hub:{tree.root}/none.sock"}]
+    found = check_bus(rig_file(can={"url": "socketcan:can0", "further": further}), tree.root)
+    faults = [f.text for f in found if f.topic == "bus" and f.level == "fault"]
+    assert any("no interface can7" in text for text in faults)
+    assert any("none.sock" in text for text in faults)
 
 
 def test_a_kernel_without_can_is_named(tree, monkeypatch):

@@ -7,6 +7,7 @@ import shutil
 import socket
 import subprocess
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,18 +22,35 @@ Link = dict[str, Any]
 """What `ip -details -json link show` says of an interface."""
 
 
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A SocketCAN interface as the rig wants it."""
+
+    interface: str
+    bitrate_bps: int
+    drives: int
+    """On its bus."""
+
+
 def check_bus(rig: RigFile, root: Path) -> list[Finding]:
-    """All about the bus of `rig`; interfaces are those below `root`/sys."""
-    scheme, interface = bus_of(rig.can.url)
-    if scheme == "socketcan":
-        return [_kernel(), *check_interface(rig, interface, root, _ip_link)]
-    return [_opens(rig)]
+    """All about each bus of `rig`; interfaces are those below `root`/sys."""
+    buses = [bus_of(url) for url in rig.can.urls]
+    found = [_kernel()] if "socketcan" in (scheme for scheme, _ in buses) else []
+    for k, (scheme, interface) in enumerate(buses):
+        if scheme == "socketcan":
+            drives = sum(a.drive.bus == k for a in rig.actuators)
+            wanted = Wanted(interface, rig.can.bitrates[k], drives)
+            found += check_interface(wanted, root, _ip_link)
+        else:
+            found.append(_opens(rig.can.urls[k], rig.can.bitrates[k]))
+    return found
 
 
 def check_interface(
-    rig: RigFile, interface: str, root: Path, ask_ip: Callable[[str], Link | None]
+    wanted: Wanted, root: Path, ask_ip: Callable[[str], Link | None]
 ) -> list[Finding]:
     """All about a SocketCAN interface; `ask_ip` is asked for what sysfs does not tell."""
+    interface = wanted.interface
     folder = root / "sys/class/net" / interface
     if not folder.is_dir():
         virtual = f"ip link add {interface} type vcan"
@@ -47,11 +65,11 @@ def check_interface(
     link = ask_ip(interface) or {}
     details = link.get("linkinfo", {})
     data = details.get("info_data", {})
-    found = [_up(rig, interface, folder), _queue(rig, interface, folder)]
+    found = [_up(wanted, folder), _queue(wanted, folder)]
     if details.get("info_kind") == "vcan":
         found.append(Finding("ok", "bit rate", f"{interface} is virtual: it has no bit rate"))
     elif data:
-        found += [_bitrate(rig, interface, data), _restart(interface, data)]
+        found += [_bitrate(wanted, data), _restart(interface, data)]
         found += _controller(interface, data)
     else:
         text = f"the bit rate of {interface} cannot be read"
@@ -69,16 +87,18 @@ def _kernel() -> Finding:
     return Finding("ok", "bus", "the kernel has CAN sockets")
 
 
-def _up(rig: RigFile, interface: str, folder: Path) -> Finding:
+def _up(wanted: Wanted, folder: Path) -> Finding:
+    interface = wanted.interface
     if int(_word(folder / "flags") or "0", 16) & _IFF_UP:
         return Finding("ok", "bus", f"{interface} is up")
-    remedy = f"systemctl restart hil-can@{interface}, or {_bring_up(rig, interface)}"
+    remedy = f"systemctl restart hil-can@{interface}, or {_bring_up(wanted)}"
     return Finding("fault", "bus", f"{interface} is down", remedy)
 
 
-def _queue(rig: RigFile, interface: str, folder: Path) -> Finding:
+def _queue(wanted: Wanted, folder: Path) -> Finding:
+    interface = wanted.interface
     length = int(_word(folder / "tx_queue_len") or "0")
-    burst = 2 * len(rig.actuators) + 1
+    burst = 2 * wanted.drives + 1
     if length >= 4 * burst:
         return Finding("ok", "queue", f"the transmit queue of {interface} holds {length} frames")
     text = (
@@ -89,17 +109,17 @@ def _queue(rig: RigFile, interface: str, folder: Path) -> Finding:
     return Finding("fault" if length < burst else "warn", "queue", text, remedy)
 
 
-def _bitrate(rig: RigFile, interface: str, data: Link) -> Finding:
+def _bitrate(wanted: Wanted, data: Link) -> Finding:
+    interface, wanted_kbps = wanted.interface, wanted.bitrate_bps / 1000
     bitrate = data.get("bittiming", {}).get("bitrate")
-    wanted = rig.can.bitrate
-    if bitrate == wanted:
-        return Finding("ok", "bit rate", f"{interface} runs at {wanted / 1000:g} kbit/s")
+    if bitrate == wanted.bitrate_bps:
+        return Finding("ok", "bit rate", f"{interface} runs at {wanted_kbps:g} kbit/s")
     is_now = "no bit rate" if bitrate is None else f"{bitrate / 1000:g} kbit/s"
     return Finding(
         "fault",
         "bit rate",
-        f"{interface} has {is_now}, the rig file wants {wanted / 1000:g} kbit/s: nobody understands us",
-        f"ip link set {interface} down; {_bring_up(rig, interface)}",
+        f"{interface} has {is_now}, the rig file wants {wanted_kbps:g} kbit/s: nobody understands us",
+        f"ip link set {interface} down; {_bring_up(wanted)}",
     )
 
 
@@ -133,18 +153,18 @@ def _controller(interface: str, data: Link) -> list[Finding]:
     return found
 
 
-def _opens(rig: RigFile) -> Finding:
+def _opens(url: str, bitrate_bps: int) -> Finding:
     """Hubs and python-can interfaces are there if they open."""
     try:
-        open_port(rig.can.url, bitrate_bps=rig.can.bitrate, read_only=True).close()
+        open_port(url, bitrate_bps=bitrate_bps, read_only=True).close()
     except BusError as error:
         text, _, remedy = str(error).partition("; ")
         return Finding("fault", "bus", text, remedy)
-    return Finding("ok", "bus", f"{rig.can.url} opens")
+    return Finding("ok", "bus", f"{url} opens")
 
 
-def _bring_up(rig: RigFile, interface: str) -> str:
-    return f"ip link set {interface} up type can bitrate {rig.can.bitrate} restart-ms 0"
+def _bring_up(wanted: Wanted) -> str:
+    return f"ip link set {wanted.interface} up type can bitrate {wanted.bitrate_bps} restart-ms 0"
 
 
 def _ip_link(interface: str) -> Link | None:
