@@ -58,7 +58,9 @@ class Latency:
 
 
 def measure_latency(cycle_s: float, seconds: float, bus: str | None, bitrate_bps: int) -> Latency:
-    """Loop for `seconds`, then send frames to and fro on `bus`; this process gets real-time rights if it may.
+    """Send frames to and fro on `bus` for `seconds`, then loop; this process gets real-time rights if it may.
+
+    The bus first: one that cannot be used shall not cost what was measured before.
 
     BusError and RigInUse where the bus is not there, or a daemon is on it.
     """
@@ -67,11 +69,11 @@ def measure_latency(cycle_s: float, seconds: float, bus: str | None, bitrate_bps
     garbage.settle()
     garbage.arm()
     try:
-        late_us, overruns = asyncio.run(bare_loop(cycle_s, max(2, round(seconds / cycle_s))))
         trips = np.empty(0)
         if bus is not None:
             with RigLock("latency", bus):
                 trips = _round_trips(bus, bitrate_bps, seconds)
+        late_us, overruns = asyncio.run(bare_loop(cycle_s, max(2, round(seconds / cycle_s))))
     finally:
         garbage.disarm()
         gc.unfreeze()
