@@ -148,6 +148,10 @@ class Daemon:
         return CommandReply(True, "", "/where/the/daemon/sees/it/2_axis" if on else "")
 
 
+def _no_motion(*_):
+    pytest.fail("the rig moves for a recording that cannot be found")
+
+
 def test_the_experiment_is_kept_with_the_recording_of_its_own_rig(played, tmp_path, monkeypatch):
     made, run = played
     monkeypatch.setattr("hil.identify.experiments.play.stream", lambda *_: None)
@@ -155,6 +159,7 @@ def test_the_experiment_is_kept_with_the_recording_of_its_own_rig(played, tmp_pa
     daemon = Daemon(run, runs)
     assert play_on_rig(made, load_rig("axis"), daemon, runs) == runs / "2_axis"
     assert [f.name for f in runs.iterdir() if experiment_of(f) is not None] == ["2_axis"]
+    monkeypatch.setattr("hil.identify.experiments.play.stream", _no_motion)
     with pytest.raises(RunError, match=r"else.2_axis: is not here; .* with --runs"):
         play_on_rig(made, load_rig("axis"), daemon, tmp_path / "else")
 

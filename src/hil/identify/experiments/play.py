@@ -93,6 +93,12 @@ def play_on_rig(
     _record(client, on=False)
     # Other rigs may record into `runs`, too.
     folder = runs / Path(_record(client, on=True).folder).name
+    if not (
+        folder / RECORDING
+    ).is_file():  # before anything moves: the motion would be played in vain
+        raise RunError(
+            f"{folder}: is not here; name the folder of the recordings of {rig.name}'s daemon with --runs"
+        )
     try:
         motion = experiment_cues(design.trajectory, rig, CLIENT)
         stream(client, motion, rig.coordinates, on_progress)
@@ -100,10 +106,6 @@ def play_on_rig(
         _await_parked(client, rig)
         _record(client, on=False)
         _record(client, on=True)
-    if not (folder / RECORDING).is_file():
-        raise RunError(
-            f"{folder}: is not here; name the folder of the recordings of {rig.name}'s daemon with --runs"
-        )
     _keep(folder, design, rig, Played(on="rig", start_s=0.0, endpoint=endpoint))
     return folder
 
