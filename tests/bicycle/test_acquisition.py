@@ -3,12 +3,13 @@
 import asyncio
 import contextlib
 import time
+from types import SimpleNamespace
 
 import cantools
 import numpy as np
 import pytest
 
-from hil.bicycle.acquisition import Acquisition, acquire
+from hil.bicycle.acquisition import Acquisition, Told, acquire
 from hil.bicycle.analysis import analyse
 from hil.bicycle.nodes import frames_of, play
 from hil.bicycle.recorded import prepare
@@ -28,7 +29,8 @@ from hil.drives.bicycle_nodes import (
 from hil.drives.imu_node import encode as encode_imu
 from hil.errors import BusError
 from hil.frames import Frame, StampedFrame
-from hil.runs import load_run
+from hil.runs import Recorder, load_run
+from hil.runs.folder import read_meta
 
 
 @pytest.fixture(scope="module")
@@ -204,6 +206,29 @@ def test_a_silent_node_is_named(weaving, tmp_path):
     acquisition.stop(4.0, "enough")
     silent = [t.text for t in told if "said nothing" in t.text]
     assert silent == ["steer has said nothing for 1 s: its power, its cable, its identifier"]
+
+
+@pytest.mark.parametrize("ends", ["by itself", "as it is told to"])
+def test_a_ride_that_the_disk_ended_is_told_to_everybody(weaving, tmp_path, monkeypatch, ends):
+    told: list[Told] = []
+    recording = Acquisition(weaving.rig, tmp_path, told.append, live=False)
+    recording.start(0.0)
+    monkeypatch.setattr("hil.runs.recorder.shutil.disk_usage", lambda _: SimpleNamespace(free=0))
+    if ends == "by itself":
+        recording.on_frame(StampedFrame(1.0, Frame(0x7FF, b"")))
+        recording.on_time(1.0)
+        recording.on_time(1.1)
+    else:
+        monkeypatch.setattr(Recorder, "_finish", _no_space)
+        recording.stop(1.0, "told to")
+    events = [t.event for t in told if t.event is not None]
+    assert [e.name for e in events].count("recorder_stopped") == 1
+    assert not recording.is_recording
+    assert "stopped: " in read_meta(recording.paths[0]).recording.end_reason
+
+
+def _no_space(_):
+    raise OSError(28, "No space left on device")
 
 
 def test_over_a_real_bus_with_real_clocks(weaving, tmp_path):

@@ -75,8 +75,7 @@ class Acquisition:
         n = self._nodes
         lost = ", ".join(f"{k} {v}" for k, v in {**n.lost, "imu": n.imu.lost}.items())
         self._event(Event(now_s, "info", "ride_ended", f"{reason}; frames lost: {lost}"))
-        self._recorder.close(reason)
-        self._recorder, self._live = None, None
+        self._close(reason)
 
     def on_frame(self, stamped: StampedFrame) -> None:
         """Take in a frame of the bus."""
@@ -102,8 +101,7 @@ class Acquisition:
             for state in self._live.states():
                 self._tell(Told(state=state))
         if self._recorder.stopped is not None:
-            self._tell(Told(self._recorder.stopped.text))
-            self._recorder = None
+            self._close("")
 
     def _on_button(self, pressed: Pressed) -> None:
         if pressed.button is Button.STOP:
@@ -123,6 +121,15 @@ class Acquisition:
             self._silent.discard(sample.quantity)
         if self._live is not None:
             self._live.add(sample)
+
+    def _close(self, reason: str) -> None:
+        """Close the run, and tell of one that the disk has ended; its reason stands in `run.toml`."""
+        assert self._recorder is not None
+        self._recorder.close(reason)
+        ended = self._recorder.stopped
+        self._recorder, self._live = None, None
+        if ended is not None and ended.severity != "info":
+            self._event(ended)
 
     def _event(self, event: Event) -> None:
         if self._recorder is not None:
