@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -108,6 +111,21 @@ def test_a_grid_finds_the_right_valley_and_shows_the_ridge(
     ratio = found.points[:, 0] / found.points[:, 1]
     order = np.argsort(found.rise)
     assert np.abs(ratio[order[:3]] / 450.0 - 1.0).max() < 0.2
+
+
+@pytest.mark.parametrize(
+    "line",
+    [(0.0, math.nan, 5), (-math.inf, 1.0, 5), (9.0, 1.0, 5), (0.0, 1.0, -3), (0.0, 1.0, 0)],
+)
+def test_a_grid_line_that_is_none_is_refused_by_name(
+    axis: RigFile, line: tuple[float, float, int]
+) -> None:
+    problem = cast(TwinProblem, SimpleNamespace(rig=axis, names=("mass.m", "axis.viscous")))
+    axes = {"mass.m": (50.0, 150.0, abs(line[2])), "axis.viscous": line}
+    if line[2] < 0:
+        axes["mass.m"] = line  # two of them make a size that looks right
+    with pytest.raises(ConfigError, match=r"axis: grid over (mass\.m|axis\.viscous): .* one point"):
+        grid_search(problem, axes)
 
 
 def test_the_profile_of_a_told_parameter_rises_on_both_sides(axis: RigFile, piece: Stretch) -> None:

@@ -8,6 +8,7 @@ of inertia, one sweep at a time), each by a grid over its bounds.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -54,7 +55,13 @@ def grid_search(
     Each round halves every span about the best point. `refine`: then a local fit of all parameters.
     """
     unknown = [n for n in axes if n not in problem.names]
-    size = int(np.prod([k for _, _, k in axes.values()]))
+    for name, (lowest, highest, count) in axes.items():
+        if not (-math.inf < lowest <= highest < math.inf and count > 0):
+            raise ConfigError(
+                f"{problem.rig.name}: grid over {name}: {lowest:g} to {highest:g} in {count} points: needs "
+                "two finite numbers, the lowest first, and one point or more"
+            )
+    size = math.prod(k for _, _, k in axes.values())
     if unknown or size > MOST or size < 2:
         raise ConfigError(
             f"{problem.rig.name}: a grid of {size} points over {', '.join(axes)}: at most {MOST} points, "
