@@ -19,6 +19,7 @@ from hil.daemon.simulated import EPOCH, SimulatedSession
 from hil.errors import RunError
 from hil.frames import Frame
 from hil.runs import Recorder
+from hil.runs.folder import RunMeta, write_meta
 from tests.daemon.simulated_rig import PROFILES, Session, rig_file
 
 RIG = rig_file("axis")
@@ -202,3 +203,10 @@ def test_the_command_shows_the_first_differences_in_words(run, tmp_path):
     assert not shown["is_same"]
     assert shown["changed"] > 0
     assert shown["differences"][0]["replayed"]["source"] == "axis"
+
+
+def test_the_command_refuses_the_file_of_another_rig(tmp_path):
+    write_meta(tmp_path, RunMeta(rig="axis", mode="position"))
+    result = invoke(tmp_path, "--rig", "motorcycle")
+    assert result.exit_code != 0
+    assert f"{tmp_path}: is a run of the rig 'axis', not of 'motorcycle'" in str(result.exception)

@@ -34,6 +34,8 @@ def replay(
     settings = load_rig(rig) if rig is not None else read_rig(run, meta)
     if settings is None:
         raise RunError(f"{run}: keeps no rig file; name one with --rig")
+    if settings.name != meta.rig:
+        raise RunError(f"{run}: is a run of the rig {meta.rig!r}, not of {settings.name!r}")
     profiles = read_profiles(run, settings)
     with err.status("replaying"):
         found = replay_run(run, settings, profiles)
