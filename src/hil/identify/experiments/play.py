@@ -93,9 +93,8 @@ def play_on_rig(
     _record(client, on=False)
     # Other rigs may record into `runs`, too.
     folder = runs / Path(_record(client, on=True).folder).name
-    if not (
-        folder / RECORDING
-    ).is_file():  # before anything moves: the motion would be played in vain
+    # Before anything moves: the motion would be played in vain.
+    if not (folder / RECORDING).is_file():
         raise RunError(
             f"{folder}: is not here; name the folder of the recordings of {rig.name}'s daemon with --runs"
         )
