@@ -28,6 +28,7 @@ from hil.gap.catalogue.nuisances import Nuisance
 from hil.gap.fits.fit import fit
 from hil.gap.fits.heldout import Score, split
 from hil.gap.fits.training import begin, candidates_of
+from hil.gap.located.events import jumps
 from tests.bicycle.rides import run_of
 
 NOMINAL = load_bicycle("bicycle")
@@ -67,6 +68,17 @@ def test_a_healthy_ride_has_no_gap(healthy):
     assert found.verdict == "no_gap"
     for s in found.located.signals:
         assert (0.5 if s.signal == LEAN_TORQUE else 0.7) < s.ratio < 1.4, s
+
+
+def test_an_accelerometer_that_is_struck_is_an_event_though_no_drive_s_frame_strikes_it(healthy):
+    located = diagnose_rides([healthy], NOMINAL).located
+    struck = np.array(located.evidence.residual)
+    for x in located.evidence.problem.series:
+        if x.signal == "imu.accel_z":
+            struck[x.part][50::100] += 100.0 * located.evidence.noise.sigma[x.part][50::100]
+    signal, times = jumps(replace(located, evidence=replace(located.evidence, residual=struck)))
+    assert signal == "imu.accel_z"
+    assert times > 1.0
 
 
 @pytest.mark.parametrize(

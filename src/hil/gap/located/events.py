@@ -119,7 +119,7 @@ def _wild(located: Located, signal: str, quantity: str) -> float:
         return float(np.sqrt(np.mean((left / sigma) ** 2))) / usual / asked
 
     left = np.abs(np.concatenate([e.residual[p] for p in parts])[kept])
-    if quantity != "accel" or size(left) <= 1.0:
+    if quantity != "accel" or not e.problem.actuators or size(left) <= 1.0:
         return size(left)
     kicks = _kicks(e.problem, e.vector)
     kick = np.concatenate([maximum_filter1d(kicks[p], NEAR) for p in parts])[kept]
@@ -135,10 +135,10 @@ def _kicks(problem: Problem, vector: Array) -> Array:
     for second in (0, 1):
 
         def delayed(piece: Stretch, second: int = second) -> Stretch:
-            told = {
-                a: (t + late_s * (np.arange(len(t)) % 2 == second), v)
-                for a, (t, v) in piece.setpoints.items()
-            }
+            told = {}
+            for a, (t, v) in piece.setpoints.items():
+                after = t + late_s * (np.arange(len(t)) % 2 == second)
+                told[a] = np.maximum.accumulate(after), v  # none overtakes the one before it
             return replace(piece, setpoints=told)
 
         moved = problem.on([delayed(piece) for piece in problem.sent], problem.clocks)
