@@ -13,7 +13,7 @@ from hil.configfile import load_rig
 from hil.daemon.replay import Comparison, Difference, replay_run
 from hil.drives.describe_rig import RigDescriber
 from hil.errors import RunError
-from hil.runs.folder import RunMeta, read_meta, read_profiles, read_rig
+from hil.runs.folder import RunMeta, read_meta, read_profiles, read_rig, require_rig
 
 
 def replay(
@@ -34,8 +34,7 @@ def replay(
     settings = load_rig(rig) if rig is not None else read_rig(run, meta)
     if settings is None:
         raise RunError(f"{run}: keeps no rig file; name one with --rig")
-    if settings.name != meta.rig:
-        raise RunError(f"{run}: is a run of the rig {meta.rig!r}, not of {settings.name!r}")
+    require_rig(settings, meta, run)
     profiles = read_profiles(run, settings)
     with err.status("replaying"):
         found = replay_run(run, settings, profiles)

@@ -221,6 +221,12 @@ def parse_meta(tables: dict[str, Any], source: str) -> RunMeta:
         raise RunError("\n".join(lines)) from error
 
 
+def require_rig(rig: AnyRig, meta: RunMeta, source: Path) -> None:
+    """RunError where the run `source` is one of another rig than `rig`."""
+    if rig.name != meta.rig:
+        raise RunError(f"{source}: is a run of the rig {meta.rig!r}, not of {rig.name!r}")
+
+
 def read_rig(folder: Path, meta: RunMeta) -> RigFile | None:
     """The file of the rig that was driven, kept with the run; None where there is none. As `read_any_rig`."""
     rig = read_any_rig(folder, meta)

@@ -29,6 +29,7 @@ from hil.runs.folder import (
     parse_meta,
     read_any_rig,
     read_meta,
+    require_rig,
 )
 from hil.runs.mcapfile import McapSource
 from hil.runs.table import check_table, parquet_table, signal_order
@@ -139,8 +140,8 @@ def _run(
 
 
 def _fitting(rig: AnyRig | None, meta: RunMeta, source: Path) -> AnyRig | None:
-    if rig is not None and rig.name != meta.rig:
-        raise RunError(f"{source}: is a run of the rig {meta.rig!r}, not of {rig.name!r}")
+    if rig is not None:
+        require_rig(rig, meta, source)
     return rig
 
 
